@@ -1,0 +1,47 @@
+# Two commands set everything up: `make demo` and `make test`. They need python3 (3.11 or newer).
+PYTHON ?= python3
+BIN := .venv/bin
+RUN_STAMP := .venv/.run-stamp
+TEST_STAMP := .venv/.test-stamp
+
+.PHONY: demo test lint types tests lock clean help
+.DELETE_ON_ERROR:
+
+help: ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+demo: $(RUN_STAMP) ## simulate the calibration campaign as real logs, replay it, show the answer
+	$(BIN)/payscope demo -o demo --force
+
+test: lint types tests ## everything that must hold: lint, strict types, tests
+
+lint: $(TEST_STAMP) ## ruff's rules and format
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(TEST_STAMP) ## strict types
+	$(BIN)/basedpyright
+
+tests: $(TEST_STAMP) ## the tests alone
+	$(BIN)/python -m pytest
+
+$(BIN)/python:
+	$(PYTHON) .ci/venv.py .venv
+
+$(RUN_STAMP): requirements.lock pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(TEST_STAMP): requirements-dev.lock $(RUN_STAMP)
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	@touch $@
+
+lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
+	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \
+	  --no-emit-index-url --no-header --no-annotate --quiet -o requirements.lock
+	uv pip compile pyproject.toml --group build --group dev --universal --python-version 3.11 --generate-hashes \
+	  --no-emit-index-url --no-header --no-annotate --quiet -c requirements.lock -o requirements-dev.lock
+
+clean: ## remove the environment and what the tools cached
+	rm -rf .venv .pytest_cache .ruff_cache .hypothesis demo

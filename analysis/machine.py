@@ -1,0 +1,147 @@
+"""The machine: its body, its channels and its settings, as a machine file states them."""
+
+import re
+from typing import Annotated, Self
+from zoneinfo import ZoneInfo, available_timezones
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from analysis.schema import CHANNEL_COLUMNS
+from analysis.settings import Settings
+
+_FORBID = ConfigDict(frozen=True, extra="forbid")
+_DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
+_MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
+
+
+def _known_timezone(name: str) -> str:
+    if name not in available_timezones():
+        raise ValueError(f"no time zone '{name}'; use a name like 'America/Santiago' or 'UTC'")
+    return name
+
+
+class ImuMounting(BaseModel):
+    """How the IMU sits on the machine: roll, pitch, yaw (intrinsic z-y'-x''), and where."""
+
+    model_config = _FORBID
+
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class Body(BaseModel):
+    """What is known of the machine itself, with standard uncertainties (`..._u_...`)."""
+
+    model_config = _FORBID
+
+    name: str
+    empty_mass_kg: float | None = Field(None, gt=0)
+    empty_mass_u_kg: float = Field(0.0, ge=0)
+    wheel_radius_m: float | None = Field(None, gt=0)
+    wheel_radius_u_m: float = Field(0.0, ge=0)
+    track_width_m: float | None = Field(None, gt=0)
+    track_width_u_m: float = Field(0.0, ge=0)
+    force_share: float = Field(1.0, gt=0, le=1)
+    force_share_u: float = Field(0.0, ge=0)
+    gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
+    timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
+    imu: ImuMounting = ImuMounting()
+
+    @property
+    def zone(self) -> ZoneInfo:
+        """The time zone that a person reads times in."""
+        return ZoneInfo(self.timezone)
+
+
+class LogSection(BaseModel):
+    """Where a table keeps its time."""
+
+    model_config = _FORBID
+
+    time: str | None = None
+    time_unit: str = "s"
+
+
+class Channel(BaseModel):
+    """Where one column comes from: a field of a topic, or other channels."""
+
+    model_config = _FORBID
+
+    topic: str | None = None
+    field: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    unit: str | None = None
+    delay_s: float = 0.0
+    derive: str | None = None
+
+    @property
+    def derivative_of(self) -> str | None:
+        """The channel that `derive = "d/dt NAME"` differentiates."""
+        match = _DERIVATIVE.fullmatch((self.derive or "").strip())
+        return match[1] if match else None
+
+    @property
+    def mean_of(self) -> tuple[str, str] | None:
+        """The two channels that `derive = "mean(A, B)"` averages."""
+        match = _MEAN.fullmatch((self.derive or "").strip())
+        return (match[1], match[2]) if match else None
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The channels that this one is derived from."""
+        return self.mean_of or ((self.derivative_of,) if self.derivative_of else ())
+
+    @model_validator(mode="after")
+    def _field_or_derived(self) -> Self:
+        if (self.field is None) == (self.derive is None):
+            raise ValueError("give either 'field' (with 'topic') or 'derive'")
+        if self.derive is not None and not self.sources:
+            raise ValueError(
+                f'cannot derive \'{self.derive}\'; use "d/dt NAME" or "mean(NAME, NAME)"'
+            )
+        if self.derive is not None and (self.topic is not None or self.unit is not None):
+            raise ValueError("a derived channel takes no 'topic' and no 'unit'")
+        return self
+
+
+class Machine(BaseModel):
+    """A whole machine file."""
+
+    model_config = _FORBID
+
+    machine: Body
+    log: LogSection = LogSection()
+    channels: dict[str, Channel]
+    settings: Settings = Settings.model_validate({})
+
+    @model_validator(mode="after")
+    def _channels_fit(self) -> Self:
+        known = {column.name for column in CHANNEL_COLUMNS}
+        for name, channel in self.channels.items():
+            if name not in known:
+                raise ValueError(f"channels.{name}: no such column")
+            for source in channel.sources:
+                if source not in self.channels:
+                    raise ValueError(f"channels.{name}: '{source}' is not among the channels")
+        self.derivation_order()
+        return self
+
+    def derivation_order(self) -> list[str]:
+        """Channel names with sources first.
+
+        Raises:
+            ValueError: when channels are derived from each other in a circle.
+        """
+        order: list[str] = []
+        waiting = dict(self.channels)
+        while waiting:
+            ready = [n for n, c in waiting.items() if not any(s in waiting for s in c.sources)]
+            if not ready:
+                raise ValueError(f"channels derived in a circle: {', '.join(waiting)}")
+            for name in ready:
+                order.append(name)
+                del waiting[name]
+        return order

@@ -1,0 +1,245 @@
+"""Every column of every frame, declared once: name, unit, dtype, meaning, sign.
+
+Missing is null. `t_ns` counts from the first aligned sample. A frame holds some or all of its
+declared columns, in the declared order; `raw/<topic>` holds its topic's fields beside its stamps.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+from polars.datatypes import DataTypeClass
+
+PHASES: Final = ("standstill", "accelerating", "cruising", "braking", "spinning", "arc", "turning")
+REASONS: Final = (
+    "accepted",
+    "warming_up",
+    "gap",
+    "no_variance",
+    "low_information",
+    "negative_dependence",
+    "braking",
+    "standstill",
+    "turning",
+    "translating",
+    "saturated",
+    "slip",
+    "ill_conditioned",
+)
+PHASE: Final = pl.Enum(PHASES)
+REASON: Final = pl.Enum(REASONS)
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column: its name carries the unit that `unit` spells out ("1" is a pure number)."""
+
+    name: str
+    dtype: pl.DataType | DataTypeClass
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame and its columns."""
+
+    name: str
+    meaning: str
+    columns: tuple[Column, ...]
+
+    @property
+    def time_column(self) -> str | None:
+        """The column that places rows in time: t_ns, start_t_ns, log_time_ns or none."""
+        names = {column.name for column in self.columns}
+        return next((n for n in ("t_ns", "start_t_ns", "log_time_ns") if n in names), None)
+
+    def column(self, name: str) -> Column | None:
+        """The declaration of `name`, or None."""
+        return next((column for column in self.columns if column.name == name), None)
+
+
+def _f(name: str, unit: str, meaning: str) -> Column:
+    return Column(name, pl.Float64, unit, meaning)
+
+
+_T = Column("t_ns", pl.Int64, "ns", "time since the first aligned sample")
+
+_FORCE = (
+    _f("torque_left_N_m", "N·m", "wheel torque of the left side, positive drives forward"),
+    _f("torque_right_N_m", "N·m", "wheel torque of the right side, positive drives forward"),
+    _f("force_x_N", "N", "longitudinal force of all driven wheels (17), positive drives forward"),
+    _f("torque_z_N_m", "N·m", "yaw torque about the vertical (18), positive turns left"),
+)
+_MOTION = (
+    _f("position_x_m", "m", "travelled position, positive forward"),
+    _f("speed_left_m_s", "m/s", "speed of the left wheels, positive forward"),
+    _f("speed_right_m_s", "m/s", "speed of the right wheels, positive forward"),
+    _f("speed_x_m_s", "m/s", "longitudinal speed, positive forward"),
+    _f("acc_x_m_s2", "m/s²", "kinematic longitudinal acceleration (no gravity in it)"),
+    _f("specific_force_x_m_s2", "m/s²", "accelerometer along x, gravity included"),
+    _f("specific_force_y_m_s2", "m/s²", "accelerometer along y (left), gravity included"),
+    _f("specific_force_z_m_s2", "m/s²", "accelerometer along z (up), +9.81 at rest"),
+    _f("roll_rate_rad_s", "rad/s", "gyroscope about x"),
+    _f("pitch_rate_rad_s", "rad/s", "gyroscope about y"),
+    _f("yaw_rate_rad_s", "rad/s", "gyroscope about z, positive turns left"),
+    _f("yaw_acc_rad_s2", "rad/s²", "yaw acceleration, positive turns left"),
+    _f("pitch_rad", "rad", "pitch, positive nose-up (REP-103 is the opposite)"),
+    _f("roll_rad", "rad", "roll, positive right side down"),
+)
+_HINTS = (
+    _f("boom_rad", "rad", "boom angle, positive up"),
+    _f("latitude_deg", "°", "latitude"),
+    _f("longitude_deg", "°", "longitude"),
+)
+_DIRECTION = _f(
+    "direction_x_1", "1", "sign of the longitudinal speed at its own rate: the Coulomb column"
+)
+
+#: The columns that a machine file's channels may fill.
+CHANNEL_COLUMNS: Final = (*_FORCE, *_MOTION, *_HINTS)
+
+_THETA = (
+    _f("mass_kg", "kg", "estimated mass"),
+    _f(
+        "mass_std_kg",
+        "kg",
+        "its standard deviation (sandwich, autocorrelation pooled over the log)",
+    ),
+    _f("friction_x_N_s_m", "N·s/m", "estimated viscous friction"),
+    _f("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
+    _f("coulomb_x_N", "N", "estimated Coulomb friction, where the setting asks for it"),
+    _f("coulomb_x_std_N", "N", "its standard deviation"),
+)
+_FIT = (
+    _f("residual_rms_N", "N", "r.m.s. of the force residuals"),
+    _f("condition_1", "1", "condition number of the regressor, columns scaled to unit norm"),
+)
+
+FRAMES: Final[dict[str, Frame]] = {
+    frame.name: frame
+    for frame in (
+        Frame(
+            "aligned",
+            "the channels on one grid, SI units, machine axes",
+            (
+                _T,
+                *CHANNEL_COLUMNS,
+                _DIRECTION,
+                Column("gap", pl.Boolean, "1", "true where a channel in use has no fresh sample"),
+            ),
+        ),
+        Frame(
+            "excitation",
+            "force and motion after the trailing moving mean, and the phase of motion",
+            (
+                _T,
+                _f("force_x_N", "N", "longitudinal force of all driven wheels, smoothed"),
+                _f("torque_z_N_m", "N·m", "yaw torque (18), smoothed"),
+                _f("regressor_acc_x_m_s2", "m/s²", "what multiplies the mass in (7): with gravity"),
+                _f("speed_x_m_s", "m/s", "longitudinal speed, smoothed"),
+                _DIRECTION,
+                _f("speed_rate_x_m_s2", "m/s²", "rate of the longitudinal speed, for the phases"),
+                *(c for c in _MOTION if c.name not in ("position_x_m", "speed_x_m_s")),
+                Column("phase", PHASE, "1", "phase of motion, from v·dv/dt and the yaw rate"),
+            ),
+        ),
+        Frame(
+            "gate",
+            "what the gate saw in the window that ends here, and what it decided",
+            (
+                _T,
+                _f("corr_x_1", "1", "correlation of acceleration and force over the window"),
+                _f("mi_x_nat", "nat", "information index (11) of the window"),
+                _f("predicted_std_x", "kg", "predicted standard deviation of the mass"),
+                Column("accepted_x", pl.Boolean, "1", "whether the window is used"),
+                Column("reason_x", REASON, "1", "why, or why not"),
+            ),
+        ),
+        Frame("estimates", "accepted windows only, a row a window", (_T, *_THETA, *_FIT)),
+        Frame(
+            "segments",
+            "a row a manoeuvre, pooled over its accepted samples",
+            (
+                Column("segment_id", pl.Int64, "1", "number of the manoeuvre in the log"),
+                Column("start_t_ns", pl.Int64, "ns", "its first sample"),
+                Column("end_t_ns", pl.Int64, "ns", "its last sample"),
+                Column("phase", PHASE, "1", "its most informative phase"),
+                Column("samples", pl.Int64, "1", "samples in it"),
+                Column("samples_accepted", pl.Int64, "1", "samples in an accepted window"),
+                *_THETA,
+                *_FIT,
+                Column("reason", REASON, "1", "accepted, or why it has no mass"),
+            ),
+        ),
+        Frame(
+            "masses",
+            "a row a method: the mass over the whole log (null where it is withheld)",
+            (
+                Column("method", pl.String, "1", "estimator"),
+                *_THETA,
+                _f("payload_kg", "kg", "mass less the machine's empty mass"),
+                Column("rows", pl.Int64, "1", "estimates it summarises"),
+                Column("withheld", pl.Boolean, "1", "true when the verdict forbids the number"),
+            ),
+        ),
+        Frame(
+            "verdict",
+            "a row a check of the ungated log: can this log weigh the machine",
+            (
+                Column("check", pl.String, "1", "name of the check"),
+                _f("value", "1", "its number (null when it does not apply)"),
+                _f("minimum", "1", "smallest number that passes"),
+                _f("maximum", "1", "largest number that passes"),
+                Column("passed", pl.Boolean, "1", "null when the check does not apply to this log"),
+                Column("meaning", pl.String, "1", "what the number says, in a sentence"),
+            ),
+        ),
+        Frame(
+            "calibration",
+            "a row a method and load: the points and the fit of (19)",
+            (
+                Column("method", pl.String, "1", "estimator"),
+                _f("load_kg", "kg", "reference load"),
+                _f("reference_kg", "kg", "machine and load"),
+                Column("runs", pl.Int64, "1", "runs that gave an estimate"),
+                _f("estimate_kg", "kg", "mean estimate over the runs, not calibrated"),
+                _f("estimate_std_kg", "kg", "standard deviation of one run's estimate"),
+                _f("alpha_1", "1", "slope of (19)"),
+                _f("beta_kg", "kg", "offset of (19)"),
+                _f("calibrated_kg", "kg", "calibrated mean"),
+                _f("error_kg", "kg", "calibrated less reference, this load in the fit"),
+                _f("error_left_out_kg", "kg", "the same with this load left out of the fit"),
+            ),
+        ),
+    )
+}
+
+
+def frame_schema(name: str) -> Frame:
+    """The declaration of a frame by its name in a run (`estimates/ls` → estimates).
+
+    Raises:
+        KeyError: for a name that the table does not know (`raw/...` has no fixed columns).
+    """
+    return FRAMES[name.partition("/")[0]]
+
+
+def conform(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+    """Put `frame` into the declared order and dtypes; a column that is not declared is an error."""
+    declared = frame_schema(name)
+    unknown = set(frame.columns) - {column.name for column in declared.columns}
+    if unknown:
+        raise KeyError(f"{name}: columns without a declaration: {sorted(unknown)}")
+    return frame.select(
+        pl.col(column.name).cast(column.dtype)
+        for column in declared.columns
+        if column.name in frame.columns
+    )
+
+
+def units(columns: Iterable[str]) -> dict[str, str]:
+    """The unit of each of `columns` that a frame declares."""
+    table = {c.name: c.unit for frame in FRAMES.values() for c in frame.columns}
+    return {name: table[name] for name in columns if name in table}

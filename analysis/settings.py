@@ -1,0 +1,64 @@
+"""The settings of a replay: the paper's values where the paper gives one."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Method = Literal["ls", "rls", "fgls", "tls", "pooled"]
+
+
+class VerdictLimits(BaseModel):
+    """Limits of the checks that decide whether a log can weigh (on its ungated moving samples)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    partial_correlation_min: float = Field(0.5, ge=-1, le=1)
+    relative_std_max: float = Field(0.25, gt=0)
+    r_squared_min: float = Field(0.5, le=1)
+    opposing_share_min: float = Field(0.05, ge=0, le=1)
+    acceleration_gain_min: float = Field(0.5)
+    acceleration_gain_max: float = Field(2.0, gt=0)
+    accepted_stretches_min: int = Field(1, ge=0)
+    empty_mass_ratio_min: float = Field(0.25, ge=0)
+    empty_mass_ratio_max: float = Field(4.0, gt=0)
+
+
+class Settings(BaseModel):
+    """How a log is replayed. Every field can be overridden with `--set settings.NAME=VALUE`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rate_hz: float = Field(100.0, gt=0, le=10_000, description="rate of the common grid")
+    smooth_samples: int = Field(10, ge=1, description="samples of the trailing moving mean")
+    window_samples: int = Field(320, ge=4, description="samples in a window (3.2 s)")
+    gate: Literal["information"] = Field("information", description="what accepts a window")
+    threshold_nat: float = Field(0.7, description="smallest index (11) of an accepted window")
+    acceleration: Literal["specific_force", "kinematic"] = Field(
+        "specific_force", description="which acceleration multiplies the mass"
+    )
+    exclude_braking: bool = Field(True, description="refuse windows that contain a braking sample")
+    coulomb: bool = Field(False, description="estimate a Coulomb friction term as well")
+    methods: tuple[Method, ...] = Field(
+        ("ls", "rls", "fgls", "tls", "pooled"), min_length=1, description="estimators to run"
+    )
+    forgetting: float = Field(1.0, gt=0.5, le=1, description="λ of the recursive estimator")
+    fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
+    tls_noise_force_N: float = Field(60.0, gt=0, description="noise of the force, before the mean")
+    tls_noise_acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")
+    tls_noise_speed_m_s: float = Field(0.005, gt=0, description="noise of the speed")
+    derivative_cutoff_hz: float = Field(
+        20.0, gt=0, description="low-pass of every regressor channel where one is derived by d/dt"
+    )
+    causal: bool = Field(False, description="filter as on board: no look into the future")
+    gap_periods: float = Field(3.0, gt=1, description="periods without a sample that make a gap")
+    speed_rate_span_s: float = Field(0.2, gt=0, description="span of the speed rate for the phases")
+    standstill_speed_m_s: float = Field(0.02, ge=0, description="slower than this stands")
+    steady_acc_m_s2: float = Field(0.1, gt=0, description="smaller speed rates are cruising")
+    turning_rate_rad_s: float = Field(0.05, gt=0, description="faster yaw rates are turning")
+    steady_yaw_acc_rad_s2: float = Field(0.05, gt=0, description="smaller ones are steady arcs")
+    saturation_force_N: float | None = Field(None, gt=0, description="force where a sensor clips")
+    slip_acc_m_s2: float | None = Field(
+        None, gt=0, description="disagreement of wheel and IMU acceleration that means slip"
+    )
+    condition_max: float = Field(1000.0, gt=1, description="larger condition numbers are refused")
+    verdict: VerdictLimits = VerdictLimits.model_validate({})

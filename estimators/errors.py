@@ -1,0 +1,50 @@
+"""The exception tree of payscope, in the lowest package so that every other can use it.
+
+    PayscopeError           one line: the file, the fault, the choices, the remedy (exit status 2)
+    ├── LogError            a log cannot be opened or read as asked
+    ├── MachineError        a machine file, one of its settings or an override is wrong
+    ├── ScenarioError       a simulation scenario is wrong
+    ├── RecordingError      a recording cannot be read, or does not hold what was asked for
+    ├── DataError           the samples cannot be worked with (lengths, no common time, no numbers)
+    └── OutputError         an output cannot be written, or is there already
+
+An answer of "no" (a log that cannot weigh) is a result, not an exception.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class PayscopeError(Exception):
+    """The root: its text is one line that a person can act on."""
+
+
+class LogError(PayscopeError):
+    """A log cannot be opened or read as asked."""
+
+
+class MachineError(PayscopeError):
+    """A machine file, one of its settings or an override is wrong."""
+
+
+class ScenarioError(PayscopeError):
+    """A simulation scenario is wrong."""
+
+
+class RecordingError(PayscopeError):
+    """A recording cannot be read, or does not hold what was asked for."""
+
+
+class DataError(PayscopeError):
+    """The samples cannot be worked with."""
+
+
+class OutputError(PayscopeError):
+    """An output cannot be written, or is there already."""
+
+
+def nearest(word: str, choices: Iterable[str]) -> str:
+    """Say which of `choices` was probably meant by `word`, or list them all."""
+    known = sorted(choices)
+    close = get_close_matches(word, known, n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known) or 'none'}"

@@ -1,0 +1,1 @@
+"""Replay: logs in, pipeline, command line."""

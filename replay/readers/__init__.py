@@ -1,0 +1,1 @@
+"""Readers: one small protocol, one table of suffixes, one file a format."""

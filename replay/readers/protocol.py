@@ -1,0 +1,83 @@
+"""What every log reader offers; nothing else of a reader is used."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+import polars as pl
+
+from analysis.run import Loss
+
+
+class Log(Protocol):
+    """An opened log. Open it with `replay.open_log`, use it as a context manager."""
+
+    @property
+    def path(self) -> Path:
+        """What was opened: a file, or a rosbag2 directory."""
+        ...
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that is read, for the provenance."""
+        ...
+
+    def topics(self) -> pl.DataFrame:
+        """What is in the log, a row a topic, without decoding a message.
+
+        Columns: topic, type, encoding (String), messages (Int64), start_ns, end_ns (Int64, null
+        when empty), rate_hz (Float64, null below two messages), longest_gap_s (Float64, null where
+        the stamps are not known without reading), fields (List[String], dotted), problem (String:
+        why it cannot be decoded, else null).
+        """
+        ...
+
+    def read(
+        self,
+        topic: str,
+        fields: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> pl.DataFrame:
+        """Read fields of one topic, in log-time order (stable).
+
+        Args:
+            topic: its name, as `topics()` lists it (a table has the one topic `table`).
+            fields: dotted names (`angular_velocity.z`), an element by index (`covariance[0]`) or,
+                in a message with a `name` list, by name (`effort[left]`). Checked against the
+                message definition before any message is decoded.
+            start_ns: first log time, inclusive.
+            end_ns: last log time, inclusive.
+
+        Returns:
+            log_time_ns (Int64), header_stamp_ns (Int64, null where there is none), then a column
+            a field, named as asked: Float64 for floats, Int64 for integers, Boolean, String.
+            An element that a message does not have is null.
+
+        Raises:
+            LogError: no such topic or field (with the choices), or a topic that cannot be decoded.
+        """
+        ...
+
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read so far: damage, topics without a decoder."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class TimeAxis:
+    """Where a table keeps its time: the column, and its unit (s, ms, us, ns)."""
+
+    column: str
+    unit: str = "s"
