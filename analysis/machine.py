@@ -127,7 +127,33 @@ class Machine(BaseModel):
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")
         self.derivation_order()
+        self._enough()
         return self
+
+    def _enough(self) -> None:
+        """Force, speed and acceleration must come from somewhere."""
+        torques = {"torque_left_N_m", "torque_right_N_m"} <= set(self.channels)
+        if "force_x_N" not in self.channels and not torques:
+            raise ValueError(
+                "no force: give channels.force_x_N, or channels.torque_left_N_m and "
+                "channels.torque_right_N_m"
+            )
+        if "force_x_N" not in self.channels and self.machine.wheel_radius_m is None:
+            raise ValueError("wheel torques need machine.wheel_radius_m to become a force (17)")
+        if "speed_x_m_s" not in self.channels:
+            raise ValueError(
+                "no speed: give channels.speed_x_m_s, if need be derived: "
+                'derive = "d/dt position_x_m" or "mean(speed_left_m_s, speed_right_m_s)"'
+            )
+        wanted = {
+            "specific_force": "specific_force_x_m_s2",
+            "kinematic": "acc_x_m_s2",
+        }[self.settings.acceleration]
+        if wanted not in self.channels:
+            raise ValueError(
+                f"settings.acceleration is '{self.settings.acceleration}', which needs "
+                f"channels.{wanted}; give it, or choose the other of specific_force, kinematic"
+            )
 
     def derivation_order(self) -> list[str]:
         """Channel names with sources first.

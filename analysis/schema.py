@@ -4,11 +4,13 @@ Missing is null. `t_ns` counts from the first aligned sample. A frame holds some
 declared columns, in the declared order; `raw/<topic>` holds its topic's fields beside its stamps.
 """
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 from polars.datatypes import DataTypeClass
 
 PHASES: Final = ("standstill", "accelerating", "cruising", "braking", "spinning", "arc", "turning")
@@ -239,7 +241,13 @@ def conform(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def units(columns: Iterable[str]) -> dict[str, str]:
-    """The unit of each of `columns` that a frame declares."""
-    table = {c.name: c.unit for frame in FRAMES.values() for c in frame.columns}
-    return {name: table[name] for name in columns if name in table}
+def build(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
+    """Make the frame `name` of arrays; NaN becomes null."""
+    return conform(name, pl.DataFrame(dict(columns), nan_to_null=True))
+
+
+def values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:
+    """A column as floats, (rows,), NaN where it is null; all NaN where the frame lacks it."""
+    if column not in frame.columns:
+        return np.full(frame.height, np.nan)
+    return frame[column].cast(pl.Float64).to_numpy()

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from estimators.autocorrelation import disjoint_windows, pooled_autocorrelation
-from estimators.linear import condition_number, lstsq, solve_spd
+from estimators.linear import condition_number, inverse_spd, lstsq, solve_spd
 from estimators.rolling import products, unpack, window_sums
 from estimators.sandwich import deviations, meat, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
@@ -66,6 +66,23 @@ def solve_windows(
         rss[row] = max(ff - h @ theta[row], 0.0)
         condition[row] = condition_number(G)
     return theta, grams, rss, condition
+
+
+@njit(cache=True)
+def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, Floats]:
+    """What a window promises before it is used: sqrt(σ̂² (G⁻¹)₁₁) of the first parameter.
+
+    Textbook variance, so a measure to rank windows by, not the deviation that is reported.
+
+    Returns:
+        (rows,) predicted deviation and (rows,) condition number of the windows that end at index.
+    """
+    _, grams, rss, condition = solve_windows(A, f, window, index)
+    predicted = np.empty(index.size)
+    freedom = max(window - A.shape[1], 1)
+    for row in range(index.size):
+        predicted[row] = np.sqrt(rss[row] / freedom * inverse_spd(grams[row])[0, 0])
+    return predicted, condition
 
 
 def window_residuals(

@@ -1,0 +1,67 @@
+"""The answer of a run in plain values, and in a sentence why there is none."""
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from analysis.gate import samples_of
+from analysis.run import Run
+from analysis.settings import Settings
+from analysis.verdict import can_weigh
+
+
+def answer(run: Run) -> dict[str, Any]:
+    """What `payscope run --json` gives, without the recording's path.
+
+    `accepted_share` is the share of samples that lie in an accepted window.
+    """
+    by_method = {row["method"]: row for row in run.frames["masses"].to_dicts()}
+    judged = run.frames["verdict"]
+    window = int(run.provenance.settings["window_samples"])
+    used = samples_of(run.frames["gate"]["accepted_x"].to_numpy(), window)
+    return {
+        **{
+            name: {method: row[name] for method, row in by_method.items()}
+            for name in ("mass_kg", "mass_std_kg", "payload_kg")
+        },
+        "accepted_share": float(used.mean()) if used.size else 0.0,
+        "verdict": {"can_weigh": can_weigh(judged), "checks": judged.to_dicts()},
+        "losses": [loss.model_dump() for loss in run.provenance.losses],
+        "notes": list(run.provenance.notes),
+    }
+
+
+def why_nothing_was_accepted(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+) -> str | None:
+    """A sentence that names the obstacle when the gate accepted no window, else None."""
+    if gated["accepted_x"].any():
+        return None
+    window_s = settings.window_samples / settings.rate_hz
+    rows_s = excitation.height / settings.rate_hz
+    if excitation.height < settings.window_samples + settings.smooth_samples - 1:
+        return f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s"
+    phase = excitation["phase"]
+    whole = phase.is_not_null()
+    stretches = [
+        ("a gap", whole),
+        ("a gap or a turn", whole & ~phase.is_in(["spinning", "arc", "turning"])),
+    ]
+    if settings.exclude_braking:
+        stretches.append(("braking", whole & (phase != "braking")))
+    for what, good in stretches:
+        longest_s = _longest_run(good.fill_null(False)) / settings.rate_hz
+        if longest_s < window_s:
+            return (
+                f"the longest stretch without {what} is {longest_s:.2f} s, "
+                f"the window {window_s:.2f} s"
+            )
+    counts = gated["reason_x"].cast(pl.String).value_counts(sort=True)
+    return f"no window was accepted, most often for: {counts['reason_x'][0]}"
+
+
+def _longest_run(good: pl.Series) -> int:
+    edges = np.diff(np.concatenate([[0], good.to_numpy().astype(np.int8), [0]]))
+    lengths = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
+    return int(lengths.max()) if lengths.size else 0

@@ -1,0 +1,128 @@
+"""Channels in SI units at their own rates: picked, scaled, filtered alike, derived."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+
+from analysis import filters
+from analysis.machine import Channel, Machine
+from analysis.run import Loss
+from analysis.schema import CHANNEL_COLUMNS
+from analysis.units import to_si
+from estimators.errors import DataError
+
+_SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
+#: Angles and places are not in the regressor, so they are not filtered with it.
+_UNFILTERED = frozenset({"pitch_rad", "roll_rad", "boom_rad", "latitude_deg", "longitude_deg"})
+#: A cut-off above this share of a topic's rate leaves too few samples to filter.
+_HIGHEST_CUTOFF = 0.45
+
+
+def derive(
+    placed: Mapping[str, pl.DataFrame], machine: Machine
+) -> tuple[dict[str, pl.DataFrame], list[Loss], list[str]]:
+    """Make every channel of the machine file from the placed topics.
+
+    Where any channel is differentiated, one zero-phase low-pass (causal by setting) is applied to
+    every force and motion channel alike, at its own rate, before any derivative is taken: a filter
+    on one regressor alone biases the mass.
+
+    Args:
+        placed: by topic: unix_ns and fields.
+        machine: channels and settings.
+
+    Returns:
+        By channel, and `direction_x_1`: unix_ns and the channel's column. What was not finite.
+        And notes.
+    """
+    settings = machine.settings
+    losses: list[Loss] = []
+    notes: list[str] = []
+    filtering = any(channel.derivative_of for channel in machine.channels.values())
+    series: dict[str, tuple[filters.Ints, filters.Floats]] = {}
+    for name in machine.derivation_order():
+        channel = machine.channels[name]
+        if channel.derivative_of:
+            t, x = filters.derivative(
+                *series[channel.derivative_of], settings.gap_periods, causal=settings.causal
+            )
+            t, x = t, x * channel.scale + channel.offset
+        elif channel.mean_of:
+            t, x = _mean(series[channel.mean_of[0]], series[channel.mean_of[1]])
+            x = x * channel.scale + channel.offset
+        else:
+            t, x = _pick(name, channel, placed[channel.topic or "table"], losses)
+            if filtering and name not in _UNFILTERED:
+                rate_hz = 1e9 / filters.period_ns(t)
+                if settings.derivative_cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
+                    notes.append(
+                        f"{name}: low-pass of {settings.derivative_cutoff_hz:g} Hz not applied, "
+                        f"its topic has only {rate_hz:.4g} Hz"
+                    )
+                else:
+                    t, x = filters.low_pass(
+                        t,
+                        x,
+                        settings.derivative_cutoff_hz,
+                        settings.gap_periods,
+                        causal=settings.causal,
+                    )
+        if t.size == 0:
+            raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
+        series[name] = t, x
+    t, speed = series["speed_x_m_s"]
+    series["direction_x_1"] = t, np.sign(speed)
+    frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
+    return frames, losses, notes
+
+
+def _pick(
+    name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
+) -> tuple[filters.Ints, filters.Floats]:
+    """A field in SI units, finite samples alone, one a stamp (the last)."""
+    where = f"{channel.field} of {channel.topic or 'the table'}"
+    field = frame[str(channel.field)]
+    if not (field.dtype.is_numeric() or field.dtype == pl.Boolean or field.dtype == pl.Null):
+        raise DataError(f"{name}: {where} is {field.dtype}, not a number")
+    t = frame["unix_ns"].to_numpy()
+    x = field.cast(pl.Float64).to_numpy()
+    finite = np.isfinite(x)
+    if not finite.any():
+        raise DataError(f"{name}: {where} holds no number in {x.size} samples")
+    if not finite.all():
+        losses.append(
+            Loss(
+                source=name,
+                topic=channel.topic or "",
+                what=f"{int((~finite).sum())} of {x.size} samples of {channel.field} are missing "
+                "or not finite; they were left out",
+            )
+        )
+    last = np.append(np.diff(t[finite]) > 0, True)
+    if not last.all():
+        losses.append(
+            Loss(
+                source=name,
+                topic=channel.topic or "",
+                what=f"{int((~last).sum())} samples of {channel.field} share a stamp with the "
+                "next; the last of each was kept",
+            )
+        )
+    t, x = t[finite][last], x[finite][last]
+    if t.size < 2:
+        raise DataError(f"{name}: {where} holds a single sample")
+    gain, offset = to_si(channel.unit, _SI[name]) if channel.unit else (1.0, 0.0)
+    x = (x * channel.scale + channel.offset) * gain + offset
+    return t - round(channel.delay_s * 1e9), x
+
+
+def _mean(
+    a: tuple[filters.Ints, filters.Floats], b: tuple[filters.Ints, filters.Floats]
+) -> tuple[filters.Ints, filters.Floats]:
+    """The mean of two channels at the stamps of the first, the second held from before."""
+    if np.array_equal(a[0], b[0]):
+        return a[0], (a[1] + b[1]) / 2.0
+    at = np.searchsorted(b[0], a[0], side="right") - 1
+    known = at >= 0
+    return a[0][known], (a[1][known] + b[1][at[known]]) / 2.0

@@ -1,0 +1,95 @@
+"""Low-pass and derivative at a topic's own rate, inside gap-free stretches."""
+
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_ORDER = 4
+#: Stamps that stray less than this share of a period count as uniform.
+_UNIFORM = 0.01
+
+
+def period_ns(t_ns: Ints) -> float:
+    """The median period of ascending stamps; NaN below two samples."""
+    return float(np.median(np.diff(t_ns))) if t_ns.size > 1 else float("nan")
+
+
+def stretches(t_ns: Ints, longest_ns: float) -> list[slice]:
+    """Slices between steps longer than `longest_ns`."""
+    edges = np.flatnonzero(np.diff(t_ns) > longest_ns) + 1
+    return [slice(a, b) for a, b in zip([0, *edges], [*edges, t_ns.size], strict=True)]
+
+
+def low_pass(
+    t_ns: Ints, x: Floats, cutoff_hz: float, gap_periods: float, *, causal: bool
+) -> tuple[Ints, Floats]:
+    """Butterworth low-pass of fourth order, forwards and backwards unless `causal`.
+
+    Irregular stamps are put on the uniform grid of their own median period first. A stretch too
+    short for the filter to settle is left out.
+
+    Args:
+        t_ns: (n,) ascending stamps.
+        x: (n,) samples.
+        cutoff_hz: half-power frequency of one pass, below half the rate.
+        gap_periods: a step longer than this many periods separates stretches.
+        causal: filter forwards only.
+
+    Returns:
+        Stamps and filtered samples.
+    """
+    period = period_ns(t_ns)
+    sos = cast("Floats", butter(_ORDER, cutoff_hz, fs=1e9 / period, output="sos"))
+    settle = 3 * (2 * sos.shape[0] + 1)
+    times: list[Ints] = []
+    outputs: list[Floats] = []
+    for part in stretches(t_ns, gap_periods * period):
+        t, y = _uniform(t_ns[part], x[part], period, causal=causal)
+        if t.size <= settle:
+            continue
+        if causal:
+            zi = np.asarray(sosfilt_zi(sos), np.float64)
+            filtered = np.asarray(sosfilt(sos, y, zi=zi * y[0])[0], np.float64)
+        else:
+            filtered = np.asarray(sosfiltfilt(sos, y), np.float64)
+        times.append(t)
+        outputs.append(filtered)
+    if not times:
+        return t_ns[:0], x[:0]
+    return np.concatenate(times), np.concatenate(outputs)
+
+
+def derivative(t_ns: Ints, x: Floats, gap_periods: float, *, causal: bool) -> tuple[Ints, Floats]:
+    """Differentiate: central differences, or backward ones when `causal`."""
+    times: list[Ints] = []
+    rates: list[Floats] = []
+    for part in stretches(t_ns, gap_periods * period_ns(t_ns)):
+        t, y = t_ns[part], x[part]
+        if t.size < 3:
+            continue
+        seconds = (t - t[0]) / 1e9
+        if causal:
+            times.append(t[1:])
+            rates.append(np.diff(y) / np.diff(seconds))
+        else:
+            times.append(t)
+            rates.append(np.gradient(y, seconds))
+    if not times:
+        return t_ns[:0], x[:0]
+    return np.concatenate(times), np.concatenate(rates)
+
+
+def _uniform(t_ns: Ints, x: Floats, period: float, *, causal: bool) -> tuple[Ints, Floats]:
+    if t_ns.size < 2 or np.abs(np.diff(t_ns) - period).max() <= _UNIFORM * period:
+        return t_ns, x
+    count = int((t_ns[-1] - t_ns[0]) // period) + 1
+    t = t_ns[0] + np.round(np.arange(count) * period).astype(np.int64)
+    if causal:
+        return t, x[np.searchsorted(t_ns, t, side="right") - 1]
+    # relative to the first stamp: float64 holds 2**53 ns, not the nanoseconds since 1970
+    return t, np.interp((t - t_ns[0]).astype(float), (t_ns - t_ns[0]).astype(float), x)

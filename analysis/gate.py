@@ -1,0 +1,106 @@
+"""The gate: which windows are informative enough to estimate from, with a reason for each."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.regressor import straight
+from analysis.schema import REASON, build, values
+from analysis.settings import Settings
+from estimators import information, ls
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_TURNS = ("spinning", "arc", "turning")
+
+
+def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
+    """Judge the window of exactly `window_samples` rows that ends at each row.
+
+    A window is refused when it contains a missing sample, a turn or (by setting) braking;
+    standstill and cruise may be inside, since the step from standstill to start is the
+    information. Then the index (11) decides.
+
+    Args:
+        excitation: the regressor and the phases.
+        settings: window, threshold, what is refused.
+
+    Returns:
+        `gate`, a row a row of `excitation`.
+    """
+    window = settings.window_samples
+    A, f = straight(excitation, settings)
+    n = f.size
+    missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f))
+    phase = excitation["phase"]
+    has_gap = windows_with(missing, window)
+    complete = ~has_gap
+    complete[: window - 1] = False
+
+    rho, spread = information.window_correlation(A[:, 0].copy(), f, window)
+    index = information.information_index(rho)
+    condition = np.full(n, np.nan)
+    predicted_std = np.full(n, np.nan)
+    rows = np.flatnonzero(complete).astype(np.int64)
+    if rows.size:
+        predicted_std[rows], condition[rows] = ls.predicted_deviation(A, f, window, rows)
+
+    moving = (phase != "standstill").fill_null(True).to_numpy()
+    first = int(np.argmin(missing)) if n and not missing.all() else n
+    # in the order of precedence: the first that holds is the reason
+    refusals: list[tuple[str, Bools]] = [
+        ("warming_up", np.arange(n) < first + window - 1),
+        ("gap", has_gap),
+        ("saturated", windows_with(_saturated(excitation, settings), window)),
+        ("turning", windows_with(phase.is_in(_TURNS).fill_null(False).to_numpy(), window)),
+        ("standstill", ~windows_with(moving, window)),
+        ("slip", windows_with(_slipping(excitation, settings), window)),
+        ("no_variance", np.isnan(rho)),
+        ("negative_dependence", rho < 0),
+        ("low_information", index < settings.threshold_nat),
+        ("ill_conditioned", ~(condition <= settings.condition_max)),
+    ]
+    if settings.exclude_braking:
+        braking = (phase == "braking").fill_null(False).to_numpy()
+        refusals.insert(4, ("braking", windows_with(braking, window)))
+    reason = np.select([r for _, r in refusals], [name for name, _ in refusals], "accepted")
+    return build(
+        "gate",
+        {
+            "t_ns": excitation["t_ns"],
+            "corr_x_1": np.where(complete & (spread > 0), rho, np.nan),
+            "mi_x_nat": np.where(complete, index, np.nan),
+            "predicted_std_x": predicted_std,
+            "accepted_x": reason == "accepted",
+            "reason_x": pl.Series(reason, dtype=pl.String).cast(REASON),
+        },
+    )
+
+
+def windows_with(flag: Bools, window: int) -> Bools:
+    """Whether any of the `window` rows that end at each row is flagged (fewer at the start)."""
+    count = np.concatenate([[0], np.cumsum(flag)])
+    start = np.maximum(np.arange(flag.size) + 1 - window, 0)
+    return count[1:] > count[start]
+
+
+def samples_of(accepted: Bools, window: int) -> Bools:
+    """Whether each row lies inside at least one accepted window."""
+    # the windows that hold row k end at k … k + window - 1
+    return windows_with(accepted[::-1], window)[::-1]
+
+
+def _saturated(excitation: pl.DataFrame, settings: Settings) -> Bools:
+    if settings.saturation_force_N is None:
+        return np.zeros(excitation.height, np.bool_)
+    return np.abs(values(excitation, "force_x_N")) >= settings.saturation_force_N
+
+
+def _slipping(excitation: pl.DataFrame, settings: Settings) -> Bools:
+    """Wheels that gain or lose speed otherwise than the machine does."""
+    if settings.slip_acc_m_s2 is None:
+        return np.zeros(excitation.height, np.bool_)
+    wheels = values(excitation, "speed_rate_x_m_s2")
+    machine = values(excitation, "regressor_acc_x_m_s2")
+    return np.abs(wheels - machine) > settings.slip_acc_m_s2

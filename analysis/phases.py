@@ -1,0 +1,60 @@
+"""The phase of motion, from v·dv/dt and the yaw rate; never from specific force.
+
+A slope of 5° alone puts 0.85 m/s² on the accelerometer, so it cannot tell braking from standing.
+"""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.schema import PHASE, values
+from analysis.settings import Settings
+
+Floats = NDArray[np.float64]
+
+
+def speed_rate(speed: Floats, settings: Settings) -> Floats:
+    """The change of speed over the last `speed_rate_span_s`, (rows,) in m/s²; looks back only."""
+    span = min(max(1, round(settings.speed_rate_span_s * settings.rate_hz)), speed.size)
+    rate = np.full(speed.size, np.nan)
+    rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.rate_hz / span
+    return rate
+
+
+def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
+    """Classify every row; null where speed or its rate is not known.
+
+    Without a yaw rate the machine is taken to drive straight. Standing still means slow and
+    steady, so that a reversal passes through braking and accelerating without a stop.
+
+    Args:
+        smoothed: `aligned` after the moving mean.
+        speed: (rows,) its longitudinal speed in m/s.
+        rate: (rows,) the speed rate in m/s².
+        settings: the thresholds.
+
+    Returns:
+        (rows,) of the enum of phases.
+    """
+    yaw_rate = np.nan_to_num(values(smoothed, "yaw_rate_rad_s"))
+    yaw_acc = values(smoothed, "yaw_acc_rad_s2")
+    if "yaw_acc_rad_s2" not in smoothed.columns:
+        yaw_acc = speed_rate(yaw_rate, settings)
+    turning = np.abs(yaw_rate) > settings.turning_rate_rad_s
+    slow = np.abs(speed) < settings.standstill_speed_m_s
+    steady = np.abs(rate) <= settings.steady_acc_m_s2
+    steady_turn = steady & (np.abs(yaw_acc) <= settings.steady_yaw_acc_rad_s2)
+    names = np.select(
+        [
+            np.isnan(speed) | np.isnan(rate),
+            turning & slow,
+            turning & steady_turn,
+            turning,
+            slow & steady,
+            steady,
+            speed * rate > 0,
+        ],
+        ["", "spinning", "arc", "turning", "standstill", "cruising", "accelerating"],
+        default="braking",
+    )
+    return pl.Series("phase", names).replace("", None).cast(PHASE)

@@ -1,0 +1,111 @@
+"""Manoeuvres: stretches that a window may lie in, and what each says when pooled."""
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.gate import samples_of
+from analysis.regressor import straight, theta_columns
+from analysis.schema import PHASE, REASON, build
+from analysis.settings import Settings
+from estimators import pooled
+
+Ints = NDArray[np.int64]
+
+#: A straight manoeuvre is named after the first of these that it contains.
+_TELLING = ("accelerating", "braking", "cruising", "standstill")
+
+
+def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
+    """Number the manoeuvres, (rows,), -1 where a sample is missing.
+
+    Straight driving from a standstill or the end of braking to the next braking, turn or gap is
+    one manoeuvre; a stretch of braking (unless braking counts as driving), of spinning, of an arc
+    or of turning is one each.
+    """
+    phase = excitation["phase"]
+    alone = ("spinning", "arc", "turning", *(("braking",) if settings.exclude_braking else ()))
+    known = phase.is_not_null().to_numpy()
+    kind = (
+        phase.cast(pl.String).replace_strict(
+            {name: i + 1 for i, name in enumerate(alone)}, default=0
+        )
+    ).to_numpy()
+    kind = np.where(known, kind, -1)
+    begins = np.append(True, np.diff(kind) != 0)[: kind.size] & known
+    return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
+
+
+def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> pl.DataFrame:
+    """Make `segments`: a row a manoeuvre with its pooled estimate, or the reason for none.
+
+    Args:
+        excitation: the regressor and the phases.
+        gated: which windows are accepted.
+        settings: window, what is refused.
+    """
+    segment_id = manoeuvres(excitation, settings)
+    used = samples_of(gated["accepted_x"].to_numpy(), settings.window_samples)
+    A, f = straight(excitation, settings)
+    pooled_ids = np.where(used, segment_id, -1)
+    traced = pooled.trace(A, f, pooled_ids)
+    estimates = pl.DataFrame(
+        {
+            "segment_id": pooled_ids[traced.index],
+            **theta_columns(traced.theta, traced.std),
+            "residual_rms_N": traced.residual_rms,
+            "condition_1": traced.condition,
+        },
+        schema_overrides={"segment_id": pl.Int64},
+    )
+    table = (
+        pl.DataFrame(
+            {
+                "segment_id": segment_id,
+                "t_ns": excitation["t_ns"],
+                "phase": excitation["phase"].cast(pl.String),
+                "used": used,
+                "reason": gated["reason_x"].cast(pl.String),
+            }
+        )
+        .filter(pl.col("segment_id") >= 0)
+        .group_by("segment_id", maintain_order=True)
+        .agg(
+            pl.col("t_ns").first().alias("start_t_ns"),
+            pl.col("t_ns").last().alias("end_t_ns"),
+            pl.coalesce(
+                *(pl.when((pl.col("phase") == p).any()).then(pl.lit(p)) for p in _TELLING),
+                pl.col("phase").first(),
+            )
+            .first()
+            .alias("phase"),
+            pl.len().alias("samples"),
+            pl.col("used").sum().alias("samples_accepted"),
+            pl.when(pl.col("used").any())
+            .then(pl.lit("accepted"))
+            .otherwise(pl.col("reason").mode(maintain_order=True).first())
+            .first()
+            .alias("reason"),
+        )
+        .with_columns(
+            # a stretch that is refused for what it is says so
+            pl.when(pl.col("samples_accepted") > 0)
+            .then("reason")
+            .otherwise(
+                pl.col("phase").replace_strict(
+                    {
+                        "braking": "braking",
+                        "spinning": "turning",
+                        "arc": "turning",
+                        "turning": "turning",
+                        "standstill": "standstill",
+                    },
+                    default=pl.col("reason"),
+                )
+            )
+            .cast(REASON),
+            pl.col("phase").cast(PHASE),
+        )
+        .join(estimates, on="segment_id", how="left", maintain_order="left")
+    )
+    return build("segments", table.to_dict())

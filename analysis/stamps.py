@@ -1,0 +1,108 @@
+"""Which stamp places a sample in time: the header's where there is any, else the log's."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import polars as pl
+
+from analysis.run import Loss
+
+#: A header stamp may not fall back by more than this, nor lie further from the log time when other
+#: topics have only log time: then it is another clock.
+_CLOCK_JUMP_NS = 1_000_000_000
+_MOSTLY = 0.99
+
+
+def place(
+    raw: Mapping[str, pl.DataFrame],
+) -> tuple[dict[str, pl.DataFrame], dict[str, str], list[Loss]]:
+    """Give every sample its `unix_ns` and sort by it.
+
+    Args:
+        raw: by topic: log_time_ns, header_stamp_ns and fields.
+
+    Returns:
+        By topic: unix_ns and the fields, ascending. By topic: "header", "log" or "table".
+        And what was dropped or doubtful.
+    """
+    losses: list[Loss] = []
+    headers = {topic: _header_usable(topic, frame, losses) for topic, frame in raw.items()}
+    if not all(headers.values()):
+        for topic, frame in raw.items():
+            if headers[topic] and _clock_offset_ns(frame) > _CLOCK_JUMP_NS:
+                headers[topic] = False
+                losses.append(
+                    Loss(
+                        source="stamps",
+                        topic=topic,
+                        what="header stamps are of another clock than the topics that have only "
+                        "log time, so log time places it",
+                    )
+                )
+    placed: dict[str, pl.DataFrame] = {}
+    labels: dict[str, str] = {}
+    for topic, frame in raw.items():
+        column = "header_stamp_ns" if headers[topic] else "log_time_ns"
+        labels[topic] = "header" if headers[topic] else ("table" if topic == "table" else "log")
+        kept = frame.filter(
+            pl.col(column).is_not_null() & (pl.col(column) != 0 | ~pl.lit(headers[topic]))
+        )
+        if kept.height < frame.height:
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"{frame.height - kept.height} samples without a stamp were dropped",
+                )
+            )
+        stamps = kept[column].to_numpy()
+        back = np.minimum(np.diff(stamps), 0) if stamps.size else np.empty(0)
+        if (back < 0).any():
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"{int((back < 0).sum())} stamps go backwards (by up to "
+                    f"{-int(back.min()) / 1e9:.3g} s); samples were sorted",
+                )
+            )
+        placed[topic] = (
+            kept.rename({column: "unix_ns"})
+            .drop({"log_time_ns", "header_stamp_ns"} - {column})
+            .sort("unix_ns", maintain_order=True)
+        )
+    return placed, labels, losses
+
+
+def _header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
+    """Whether nearly every header stamp is set and they do not jump back by a second."""
+    stamps = frame["header_stamp_ns"].drop_nulls()
+    stamps = stamps.filter(stamps != 0)
+    if frame.height == 0 or stamps.len() < _MOSTLY * frame.height:
+        if stamps.len() or frame["header_stamp_ns"].null_count() < frame.height:
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"{frame.height - stamps.len()} of {frame.height} header stamps are not "
+                    "set, so log time places it",
+                )
+            )
+        return False
+    steps = np.diff(stamps.to_numpy())
+    if steps.size and steps.min() < -_CLOCK_JUMP_NS:
+        losses.append(
+            Loss(
+                source="stamps",
+                topic=topic,
+                what=f"header stamps jump back by {-int(steps.min()) / 1e9:.3g} s, so log time "
+                "places it",
+            )
+        )
+        return False
+    return True
+
+
+def _clock_offset_ns(frame: pl.DataFrame) -> float:
+    offset = (frame["log_time_ns"] - frame["header_stamp_ns"]).abs().median()
+    return float(offset) if isinstance(offset, int | float) else 0.0

@@ -1,0 +1,60 @@
+"""Run the chosen estimators over the accepted windows."""
+
+import polars as pl
+
+from analysis.gate import samples_of
+from analysis.regressor import straight, theta_columns
+from analysis.schema import build
+from analysis.segments import manoeuvres
+from analysis.settings import Settings
+from estimators import fgls, ls, pooled, rls, tls
+from estimators.trace import Trace
+
+
+def trace(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+) -> dict[str, pl.DataFrame]:
+    """Estimate from every accepted window with every method of the settings.
+
+    Args:
+        excitation: the regressor.
+        gated: which windows are accepted.
+        settings: window, methods and their options.
+
+    Returns:
+        By method: its `estimates` frame, accepted rows only; `pooled` has a row a manoeuvre.
+    """
+    A, f = straight(excitation, settings)
+    window = settings.window_samples
+    accepted = gated["accepted_x"].to_numpy()
+    noise = (settings.tls_noise_acc_m_s2, settings.tls_noise_speed_m_s)
+    traces: dict[str, Trace] = {}
+    for method in settings.methods:
+        match method:
+            case "ls":
+                traced = ls.trace(A, f, window, accepted)
+            case "rls":
+                traced = rls.trace(A, f, window, accepted, rls.RlsOptions(settings.forgetting))
+            case "fgls":
+                traced = fgls.trace(A, f, window, accepted, fgls.FglsOptions(settings.fgls_floor))
+            case "tls":
+                options = tls.TlsOptions((*noise, 1e-3), settings.tls_noise_force_N)
+                traced = tls.trace(A, f, window, accepted, options)
+            case "pooled":
+                segment_id = manoeuvres(excitation, settings)
+                segment_id[~samples_of(accepted, window)] = -1
+                traced = pooled.trace(A, f, segment_id)
+        traces[method] = traced
+    t_ns = excitation["t_ns"].to_numpy()
+    return {
+        method: build(
+            "estimates",
+            {
+                "t_ns": t_ns[traced.index],
+                **theta_columns(traced.theta, traced.std),
+                "residual_rms_N": traced.residual_rms,
+                "condition_1": traced.condition,
+            },
+        )
+        for method, traced in traces.items()
+    }

@@ -1,0 +1,70 @@
+"""The mean of overlapping windows' estimates, with a standard deviation that knows the overlap.
+
+θ̄ = (1/M) Σ_w G_w⁻¹ Σ_{k∈w} a_k f_k is linear in the force: sample k enters with the weight
+c_k = (1/M) (Σ_{w∋k} G_w⁻¹) a_k. So cov θ̄ = s² Cᵀ R C, whatever the overlap.
+"""
+
+import numpy as np
+from numba import njit
+
+from estimators.autocorrelation import pooled_autocorrelation
+from estimators.linear import inverse_spd
+from estimators.ls import solve_windows, window_residuals
+from estimators.sandwich import meat
+from estimators.trace import Floats, Ints
+
+
+@njit(cache=True)
+def _weights(A: Floats, grams: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
+    """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others."""
+    n, p = A.shape
+    steps = np.zeros((n + 1, p, p))
+    for row in range(index.size):
+        inverse = inverse_spd(grams[row]) / index.size
+        steps[index[row] - window + 1] += inverse
+        steps[index[row] + 1] -= inverse
+    cover = np.zeros((p, p))
+    weights = np.zeros((n, p))
+    inside = np.full(n, -1, np.int64)
+    end = -1
+    row = 0
+    for k in range(n):
+        cover += steps[k]
+        while row < index.size and index[row] - window + 1 <= k:
+            end = index[row]
+            row += 1
+        if k <= end:
+            inside[k] = 0
+            weights[k] = cover @ A[k]
+        else:
+            # outside every window the cover is zero: drop what rounding has left
+            cover[:] = 0.0
+    return weights, inside
+
+
+def mean_estimate(
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats
+) -> tuple[Floats, Floats]:
+    """Mean θ over all rows of a windowed trace, and its standard deviation.
+
+    Exact for LS; for FGLS and TLS to first order, by the LS weights.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        window: samples in a window.
+        index: (rows,) last sample of each window, ascending.
+        theta: (rows, p) their estimates.
+
+    Returns:
+        (p,) mean and (p,) standard deviations.
+    """
+    _, grams, _, _ = solve_windows(A, f, window, index)
+    weights, inside = _weights(A, grams, index, window)
+    correlation, variance = pooled_autocorrelation(
+        *window_residuals(A, f, theta, index, window), A.shape[1]
+    )
+    cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
+    white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
+    deviation = np.sqrt(np.maximum(np.diag(cover), np.diag(white)) * variance)
+    return theta.mean(axis=0), deviation

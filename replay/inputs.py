@@ -1,0 +1,98 @@
+"""What a replay takes from its logs: the channels' fields, and the proof of what was read."""
+
+import hashlib
+import platform
+from collections.abc import Iterable, Sequence
+from importlib.metadata import version
+
+import polars as pl
+
+from analysis.machine import Machine
+from analysis.run import InputFile, Loss, Provenance
+from estimators.errors import LogError, nearest
+from replay.readers.protocol import Log
+
+#: Whatever of these changes may change a number or a recording.
+_VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
+
+
+def read_channels(
+    logs: Sequence[Log], machine: Machine
+) -> tuple[dict[str, pl.DataFrame], list[Loss]]:
+    """Read the fields that the channels name, and nothing else.
+
+    Args:
+        logs: one time line; a topic may be missing from some of them, not from all.
+        machine: its channels.
+
+    Returns:
+        By topic: log_time_ns, header_stamp_ns and the fields, in log-time order. And what was
+        lost on the way.
+
+    Raises:
+        LogError: a topic that no log has, or that has no message.
+    """
+    wanted: dict[str, list[str]] = {}
+    for channel in machine.channels.values():
+        if channel.field is not None:
+            fields = wanted.setdefault(channel.topic or "table", [])
+            if channel.field not in fields:
+                fields.append(channel.field)
+    losses: list[Loss] = []
+    has = {log: set(log.topics()["topic"]) for log in logs}
+    raw: dict[str, pl.DataFrame] = {}
+    for topic, fields in wanted.items():
+        holders = [log for log in logs if topic in has[log]]
+        if not holders:
+            known = sorted(set().union(*has.values()))
+            names = ", ".join(str(log.path) for log in logs)
+            where = next(
+                name
+                for name, channel in machine.channels.items()
+                if channel.field is not None and (channel.topic or "table") == topic
+            )
+            raise LogError(
+                f"{names}: no topic '{topic}'; {nearest(topic, known)} "
+                f"Set channels.{where}.topic in the machine file."
+            )
+        losses += [
+            Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
+            for log in logs
+            if log not in holders
+        ]
+        frame = pl.concat([log.read(topic, fields) for log in holders])
+        if frame.is_empty():
+            raise LogError(f"{holders[0].path}: topic '{topic}' has no messages")
+        raw[topic] = frame.sort("log_time_ns", maintain_order=True)
+    for log in logs:
+        losses += log.losses()
+    return raw, losses
+
+
+def provenance(
+    logs: Iterable[Log],
+    machine: Machine,
+    t0_unix_ns: int,
+    stamps: dict[str, str],
+    losses: Sequence[Loss],
+    notes: Sequence[str],
+) -> Provenance:
+    """Hash the inputs and write down everything that the result depends on."""
+    inputs: list[InputFile] = []
+    for log in logs:
+        for path in log.files:
+            with path.open("rb") as stream:
+                digest = hashlib.file_digest(stream, "sha256").hexdigest()
+            inputs.append(InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size))
+    resolved = machine.model_dump(mode="json")
+    settings = resolved.pop("settings")
+    return Provenance(
+        inputs=tuple(inputs),
+        machine=resolved,
+        settings=settings,
+        versions={"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}},
+        t0_unix_ns=t0_unix_ns,
+        stamps=stamps,
+        losses=tuple(losses),
+        notes=tuple(notes),
+    )

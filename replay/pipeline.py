@@ -1,0 +1,79 @@
+"""The paper's method on one screen: log → align → smooth → forces → gate → trace → Run."""
+
+from collections.abc import Callable, Sequence
+
+from analysis.align import align
+from analysis.answer import why_nothing_was_accepted
+from analysis.derive import derive
+from analysis.forces import forces
+from analysis.gate import gate
+from analysis.machine import Machine
+from analysis.masses import masses
+from analysis.run import Run
+from analysis.segments import segments
+from analysis.smooth import smooth
+from analysis.stamps import place
+from analysis.trace import trace
+from analysis.verdict import can_weigh, verdict
+from replay.inputs import provenance, read_channels
+from replay.readers.protocol import Log
+
+
+def run(
+    logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
+) -> Run:
+    """Replay one or more logs, in one time line, through the filter, the gate and the estimators.
+
+    Args:
+        logs: opened logs (`open_log`).
+        machine: channels and settings (`load_machine`).
+        on_stage: told the name of each stage as it begins.
+
+    Returns:
+        Every intermediate frame and where it came from.
+    """
+    logs = logs if isinstance(logs, Sequence) else [logs]
+    settings = machine.settings
+
+    on_stage("read")  # the channels in use, at their own rates
+    raw, losses = read_channels(logs, machine)
+    on_stage("derive")  # SI units; one filter on all of them where one is differentiated
+    placed, stamps, doubts = place(raw)
+    channels, missing, notes = derive(placed, machine)
+    on_stage("align")  # one grid, the last value at or before, never over a gap
+    aligned, t0_unix_ns = align(channels, machine)
+    on_stage("smooth")  # the trailing moving mean, alike on every column
+    smoothed = smooth(aligned, settings)
+    on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion
+    excitation = forces(smoothed, machine)
+    on_stage("gate")  # the index (11) over each window, and a reason for each
+    gated = gate(excitation, settings)
+    on_stage("trace")  # the estimators over the accepted windows
+    estimates = trace(excitation, gated, settings)
+    on_stage("segments")  # pooled over each manoeuvre
+    table = segments(excitation, gated, settings)
+    on_stage("verdict")  # what the ungated log says of all this
+    judged = verdict(excitation, gated, machine)
+    totals = masses(excitation, gated, estimates, machine, weighs=can_weigh(judged))
+
+    obstacle = why_nothing_was_accepted(excitation, gated, settings)
+    return Run(
+        frames={
+            **{f"raw{'' if topic.startswith('/') else '/'}{topic}": f for topic, f in raw.items()},
+            "aligned": aligned,
+            "excitation": excitation,
+            "gate": gated,
+            **{f"estimates/{method}": frame for method, frame in estimates.items()},
+            "segments": table,
+            "masses": totals,
+            "verdict": judged,
+        },
+        provenance=provenance(
+            logs,
+            machine,
+            t0_unix_ns,
+            stamps,
+            losses=[*losses, *doubts, *missing],
+            notes=[*notes, *([obstacle] if obstacle else [])],
+        ),
+    )
