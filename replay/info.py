@@ -1,0 +1,145 @@
+"""What is in a log: the answer of `payscope info`, for people and for machines."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, tzinfo
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import polars as pl
+
+from analysis.run import Loss
+from replay.readers import Log, format_name
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+#: Clocks that start at boot count from 0: what lies before 1990 is not shown as a date.
+_FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogInfo:
+    """What is in a log. Times are ns of its own clock, null in a log without messages."""
+
+    path: Path
+    format: str
+    size_bytes: int
+    start_ns: int | None
+    end_ns: int | None
+    duration_s: float | None
+    messages: int
+    #: a row a topic, as `Log.topics` gives it
+    topics: pl.DataFrame
+    losses: tuple[Loss, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "path": str(self.path),
+            "format": self.format,
+            "size_bytes": self.size_bytes,
+            "start_ns": self.start_ns,
+            "end_ns": self.end_ns,
+            "duration_s": self.duration_s,
+            "messages": self.messages,
+            "topics": self.topics.to_dicts(),
+            "losses": [loss.model_dump() for loss in self.losses],
+        }
+
+    def to_json(self) -> str:
+        """The same as JSON."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def describe(log: Log) -> LogInfo:
+    """Describe a log without decoding its messages.
+
+    Raises:
+        LogError: a table whose time column holds no times.
+    """
+    topics = log.topics()
+    ends: dict[str, Any] = topics.select(
+        pl.col("start_ns").min(), pl.col("end_ns").max(), pl.col("messages").sum()
+    ).row(0, named=True)
+    start, end = ends["start_ns"], ends["end_ns"]
+    return LogInfo(
+        path=log.path,
+        format=format_name(log.path),
+        size_bytes=sum(file.stat().st_size for file in log.files),
+        start_ns=start,
+        end_ns=end,
+        duration_s=None if start is None else (end - start) / 1e9,
+        messages=ends["messages"],
+        topics=topics,
+        losses=log.losses(),
+    )
+
+
+def render(info: LogInfo, zone: tzinfo) -> "RenderableType":
+    """Lay a log's description out for a terminal, its start in local time of `zone`."""
+    from rich.console import Group
+    from rich.markup import escape
+
+    lines = [escape(line) for line in _head(info, zone)]
+    troubles = [f"[yellow]![/] {escape(line)}" for line in _troubles(info)]
+    return Group(*lines, _topic_table(info), *troubles)
+
+
+def _head(info: LogInfo, zone: tzinfo) -> Iterator[str]:
+    yield f"{info.path}: {info.format}, {info.size_bytes / 1e6:,.3f} MB"
+    if info.start_ns is None or info.duration_s is None:
+        yield "no messages"
+        return
+    yield f"from {_when(info.start_ns, zone)}, {info.duration_s:,.3f} s, {info.messages:,} messages"
+
+
+def _when(stamp_ns: int, zone: tzinfo) -> str:
+    seconds = f"{stamp_ns // 10**9}.{stamp_ns % 10**9 // 10**6:03d} s"
+    if stamp_ns < _FIRST_DATE_NS:
+        return f"{seconds} of the log's own clock"
+    local = datetime.fromtimestamp(stamp_ns // 10**9, zone)
+    return f"{local:%Y-%m-%d %H:%M:%S %Z} ({seconds})"
+
+
+def _topic_table(info: LogInfo) -> "Table":
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("topic", overflow="fold")
+    table.add_column("type", overflow="fold")
+    for title in ("messages", "from s", "to s", "Hz", "longest gap s"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for row in info.topics.iter_rows(named=True):
+        table.add_row(
+            escape(row["topic"]),
+            escape(row["type"]),
+            f"{row['messages']:,}",
+            _seconds(row["start_ns"], info.start_ns),
+            _seconds(row["end_ns"], info.start_ns),
+            _number(row["rate_hz"]),
+            _number(row["longest_gap_s"]),
+        )
+    return table
+
+
+def _troubles(info: LogInfo) -> Iterator[str]:
+    told = {loss.topic for loss in info.losses}
+    for loss in info.losses:
+        yield f"{loss.topic or loss.source}: {loss.what}"
+    for row in info.topics.iter_rows(named=True):
+        if row["problem"] and row["topic"] not in told:
+            yield f"{row['topic']} (no messages): {row['problem']}"
+
+
+def _seconds(stamp_ns: int | None, start_ns: int | None) -> str:
+    if stamp_ns is None or start_ns is None:
+        return "–"
+    return f"{(stamp_ns - start_ns) / 1e9:.3f}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"

@@ -1,0 +1,94 @@
+"""A container: the part of a log that holds raw messages and knows nothing of their types."""
+
+import struct
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run import Loss
+
+#: What the format libraries raise on bytes that are not what they should be, their own errors
+#: aside (lz4 raises RuntimeError, bz2 OSError and EOFError, rosbags asserts).
+BROKEN_BYTES: Final = (
+    ArithmeticError,
+    AssertionError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """One stream of messages of one type; a topic may have several."""
+
+    id: int
+    topic: str
+    #: ROS 2 spelling (`sensor_msgs/msg/Imu`), also for ROS 1.
+    type: str
+    #: of the messages: `ros1`, `cdr`, or another that has no decoder here
+    encoding: str
+    definition: str
+    #: `ros1msg`, `ros2msg`, `ros2idl`, or empty where the file carries no definition
+    definition_format: str
+
+
+class RawMessage(NamedTuple):
+    """A message as stored."""
+
+    connection_id: int
+    log_time_ns: int
+    data: bytes
+
+
+class Container(Protocol):
+    """Where messages come from. Losses grow while it is read."""
+
+    files: tuple[Path, ...]
+    connections: tuple[Connection, ...]
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        ...
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """The log times of a connection, from the index where there is one, in any order."""
+        ...
+
+    def messages(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[RawMessage]:
+        """Messages of some connections, both bounds inclusive, in any order.
+
+        Damage ends up in `losses`; it raises nothing.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the files."""
+        ...
+
+
+class LossList(list[Loss]):
+    """Losses, each once: a damaged chunk that is met twice is one loss."""
+
+    def note(self, source: Path, what: str, topic: str = "") -> None:
+        """Add a loss unless it is there already."""
+        loss = Loss(source=source.name, topic=topic, what=what)
+        if loss not in self:
+            self.append(loss)
+
+
+def no_times() -> NDArray[np.int64]:
+    """The log times of a connection without messages."""
+    return np.empty(0, np.int64)

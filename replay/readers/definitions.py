@@ -1,0 +1,141 @@
+"""Message definitions: from the text in a log, or from a ROS 2 release where a log has none.
+
+Each type is compiled by itself, so that a definition that cannot be parsed (service `_Event`
+types, which rosbag2 stores as the service) costs its topic and not the log.
+"""
+
+from collections.abc import Callable
+from textwrap import shorten
+from typing import Any, Final
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
+from rosbags.typesys.store import Typestore
+
+from replay.readers.container import BROKEN_BYTES, Connection
+from replay.readers.message_types import (
+    COLUMN_DTYPES,
+    STAMP_TYPES,
+    FieldType,
+    ListOf,
+    MessageType,
+    Record,
+    Scalar,
+)
+
+#: Releases whose bags carry no definitions, newest first, then the newest one for later types.
+_RELEASES: Final = (
+    Stores.ROS2_HUMBLE,
+    Stores.ROS2_GALACTIC,
+    Stores.ROS2_FOXY,
+    Stores.ROS2_ELOQUENT,
+    Stores.ROS2_DASHING,
+    Stores.LATEST,
+)
+_DECODABLE: Final = {"ros1": ("ros1msg",), "cdr": ("ros2msg", "ros2idl", "")}
+_IDL_SEPARATOR: Final = "=" * 80 + "\n"
+#: parts request from reply
+_SERVICE_RULE: Final = "---"
+#: rosbags gives an empty ROS 2 message the byte that DDS sends for it
+_PLACEHOLDER: Final = "structure_needs_at_least_one_member"
+
+
+class DefinitionError(Exception):
+    """Why messages of a connection cannot be decoded, in a line."""
+
+
+def compile_type(connection: Connection) -> MessageType:
+    """Make the decoder of one connection.
+
+    Raises:
+        DefinitionError: its encoding has no decoder, or its definition cannot be used.
+    """
+    formats = _DECODABLE.get(connection.encoding)
+    if formats is None or connection.definition_format not in formats:
+        kind = connection.definition_format or "no"
+        raise DefinitionError(
+            f"no decoder for encoding '{connection.encoding}' with {kind} definition; "
+            "there is one for cdr (ros2msg, ros2idl) and ros1 (ros1msg)"
+        )
+    if _SERVICE_RULE in connection.definition.split("\n"):
+        raise DefinitionError(
+            f"the log holds the definition of a service in place of {connection.type}'s own, "
+            "as rosbag2 does for service events"
+        )
+    try:
+        store = _typestore(connection)
+        record = _record(store, connection.type, ())
+    except (TypesysError, SyntaxError, *BROKEN_BYTES) as error:
+        reason = shorten(str(error), 160)
+        raise DefinitionError(
+            f"the definition of {connection.type} cannot be parsed: {reason}"
+        ) from error
+    return MessageType(record, _decoder(store, connection))
+
+
+def _typestore(connection: Connection) -> Typestore:
+    text = connection.definition
+    if not text.strip() and connection.definition_format in ("", "ros2msg"):
+        return _released(connection.type)
+    store = get_typestore(Stores.EMPTY)
+    types: Typesdict = {}
+    if connection.definition_format == "ros2idl":
+        # rosbag2 joins IDL files with a rule and a line "IDL: name"
+        joined = text.startswith(f"{_IDL_SEPARATOR}IDL: ")
+        for idl in text.split(_IDL_SEPARATOR)[1:] if joined else [text]:
+            types.update(get_types_from_idl(idl.split("\n", 1)[1] if joined else idl))
+    else:
+        types.update(get_types_from_msg(text, connection.type))
+    store.register(types)
+    return store
+
+
+def _released(name: str) -> Typestore:
+    for release in _RELEASES:
+        store = get_typestore(release)
+        if name in store.fielddefs:
+            return store
+    raise DefinitionError(
+        f"the log carries no definition of {name}, and no ROS 2 release knows the type; "
+        "record it with ROS 2 Iron or newer, which stores definitions"
+    )
+
+
+def _record(store: Typestore, name: str, above: tuple[str, ...]) -> Record:
+    if name in above:
+        raise DefinitionError(f"the definition of {name} contains itself")
+    if name not in store.fielddefs:
+        raise DefinitionError(f"the definition of {above[0] if above else name} lacks {name}")
+    return Record(
+        name,
+        tuple(
+            (field, _field_type(store, description, (*above, name)))
+            for field, description in store.fielddefs[name][1]
+            if field != _PLACEHOLDER
+        ),
+    )
+
+
+def _field_type(store: Typestore, description: Any, above: tuple[str, ...]) -> FieldType:
+    node, detail = description
+    if node == Nodetype.NAME:
+        return Scalar("stamp") if detail in STAMP_TYPES else _record(store, detail, above)
+    if node == Nodetype.BASE:
+        if detail[0] not in COLUMN_DTYPES:
+            raise DefinitionError(f"{above[-1]} has a field of type {detail[0]}, not supported")
+        return Scalar(detail[0])
+    element = _field_type(store, detail[0], above)
+    assert not isinstance(element, ListOf), "ROS has no lists of lists"
+    return ListOf(element, detail[1] if node == Nodetype.ARRAY else None)
+
+
+def _decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:
+    decode = store.deserialize_ros1 if connection.encoding == "ros1" else store.deserialize_cdr
+    return lambda data: decode(data, connection.type)

@@ -1,0 +1,105 @@
+"""The formats that can be read: one table of suffixes, one dispatcher."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from estimators.errors import LogError
+from replay.readers.protocol import Log, TimeAxis
+
+# The libraries behind the formats are imported when a log of theirs is opened: they are slow to
+# import, and `payscope --help` needs none of them.
+
+
+def _open_bag(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.readers.bag_file import BagFile
+    from replay.readers.message_log import MessageLog
+
+    return MessageLog(path, BagFile)
+
+
+def _open_mcap(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.readers.mcap_file import McapFile
+    from replay.readers.message_log import MessageLog
+
+    return MessageLog(path, McapFile)
+
+
+def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.readers.db3_file import Db3File
+    from replay.readers.message_log import MessageLog
+
+    return MessageLog(path, Db3File)
+
+
+def _open_table(path: Path, time: TimeAxis | None) -> Log:
+    from replay.readers.table_log import TableLog
+
+    return TableLog(path, time)
+
+
+def _open_directory(path: Path) -> Log:
+    from replay.readers.message_log import MessageLog
+    from replay.readers.rosbag2_directory import METADATA, Rosbag2Directory, storage_files
+
+    if not (path / METADATA).exists() and not storage_files(path):
+        logs = sorted(p.name for p in path.iterdir() if p.suffix.lower() in FORMATS)
+        remedy = f"; name one of its logs: {', '.join(logs)}" if logs else ""
+        raise LogError(
+            f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
+            f"and .mcap or .db3 files{remedy}"
+        )
+    return MessageLog(path, Rosbag2Directory)
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A format of logs: its name for people, and what opens it."""
+
+    name: str
+    open: Callable[[Path, TimeAxis | None], Log]
+
+
+FORMATS: Final[dict[str, Format]] = {
+    ".bag": Format("ROS 1 bag", _open_bag),
+    ".mcap": Format("MCAP", _open_mcap),
+    ".db3": Format("rosbag2 SQLite", _open_db3),
+    ".csv": Format("CSV table", _open_table),
+    ".parquet": Format("Parquet table", _open_table),
+}
+
+
+def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
+    """Open a log by its suffix; a directory is a rosbag2 recording.
+
+    Args:
+        path: a `.bag`, `.mcap`, `.db3`, `.csv` or `.parquet` file, or a rosbag2 directory.
+        time: where a table keeps its time; guessed from the column names where None. Logs of
+            messages have their own log times and need none.
+
+    Raises:
+        LogError: no such file, an unknown suffix, or a file that is not what its suffix says.
+    """
+    path = Path(path)
+    try:
+        if path.is_dir():
+            return _open_directory(path)
+        if not path.exists():
+            raise LogError(f"{path}: no such file or directory")
+        known = FORMATS.get(path.suffix.lower())
+        if known is None:
+            raise LogError(
+                f"{path}: no reader for '{path.suffix}'; a log is {', '.join(FORMATS)} "
+                "or a rosbag2 directory"
+            )
+        if path.stat().st_size == 0:
+            raise LogError(f"{path}: the file is empty (0 bytes)")
+        return known.open(path, time)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be opened: {error.strerror or error}") from error
+
+
+def format_name(path: Path) -> str:
+    """The format of a log by its path, for people."""
+    return "rosbag2 directory" if path.is_dir() else FORMATS[path.suffix.lower()].name

@@ -1,0 +1,156 @@
+"""A log of messages: a container, the types of its topics, and the fields picked from them."""
+
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import polars as pl
+
+from analysis.run import Loss
+from estimators.errors import LogError, nearest
+from replay.readers.container import Connection, Container, LossList
+from replay.readers.decode import Tally, decode_batches, schema_of
+from replay.readers.definitions import DefinitionError, compile_type
+from replay.readers.fields import Field, FieldError, resolve
+from replay.readers.message_types import MessageType, leaves
+from replay.readers.topics import TOPICS_SCHEMA, timing
+
+
+@dataclass(frozen=True, slots=True)
+class _Topic:
+    connections: tuple[Connection, ...]
+    #: None where there is a problem
+    kind: MessageType | None
+    problem: str | None
+
+
+class MessageLog:
+    """A log whose topics hold messages: ROS 1 bag, MCAP, rosbag2."""
+
+    def __init__(self, path: Path, open_container: Callable[[Path], Container]) -> None:
+        self.path = path
+        self._container = open_container(path)
+        # closes also where nobody does: `run(open_log(path), machine)` is meant to be written
+        self._close = weakref.finalize(self, self._container.close)
+        self._read_losses = LossList()
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file that is read."""
+        return self._container.files
+
+    def topics(self) -> pl.DataFrame:
+        """What is in the log; see `Log.topics`."""
+        return self._topic_table
+
+    @cached_property
+    def _topics(self) -> dict[str, _Topic]:
+        self._check_open()
+        by_name: dict[str, list[Connection]] = {}
+        for connection in self._container.connections:
+            by_name.setdefault(connection.topic, []).append(connection)
+        return {name: _agree(tuple(by_name[name])) for name in sorted(by_name)}
+
+    @cached_property
+    def _topic_table(self) -> pl.DataFrame:
+        rows = [{"topic": name, **self._summary(topic)} for name, topic in self._topics.items()]
+        return pl.DataFrame(rows, schema=TOPICS_SCHEMA)
+
+    def _summary(self, topic: _Topic) -> dict[str, object]:
+        return {
+            "type": ", ".join(dict.fromkeys(c.type for c in topic.connections)),
+            "encoding": ", ".join(dict.fromkeys(c.encoding for c in topic.connections)),
+            **timing(np.concatenate([self._container.log_times(c.id) for c in topic.connections])),
+            "fields": list(leaves(topic.kind.record)) if topic.kind else [],
+            "problem": topic.problem,
+        }
+
+    def read(
+        self,
+        topic: str,
+        fields: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> pl.DataFrame:
+        """Read fields of one topic; see `Log.read`."""
+        self._check_open()
+        found = self._topics.get(topic)
+        if found is None:
+            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
+        if found.kind is None:
+            raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
+        picked = self._resolve(topic, fields, found.kind)
+        tally = Tally()
+        messages = self._container.messages([c.id for c in found.connections], start_ns, end_ns)
+        batches = decode_batches(messages, found.kind, picked, tally)
+        frame = pl.concat([pl.DataFrame(schema=schema_of(picked)), *batches])
+        self._judge(topic, found.kind, tally)
+        return frame.sort("log_time_ns", maintain_order=True)
+
+    def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
+        try:
+            return [resolve(field, kind.record) for field in dict.fromkeys(fields)]
+        except FieldError as error:
+            raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
+
+    def _judge(self, topic: str, kind: MessageType, tally: Tally) -> None:
+        if not tally.undecodable:
+            return
+        total = tally.rows + tally.undecodable
+        if not tally.rows:
+            raise LogError(
+                f"{self.path}: topic '{topic}' cannot be read: none of its {total} messages fits "
+                f"the definition of {kind.record.name}: {tally.first_fault}"
+            )
+        self._read_losses.note(
+            self.path,
+            f"{tally.undecodable} of {total} messages cannot be decoded: {tally.first_fault}",
+            topic,
+        )
+
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read so far."""
+        undecodable = (
+            Loss(source=self.path.name, topic=row["topic"], what=row["problem"])
+            for row in self.topics().iter_rows(named=True)
+            if row["problem"] and row["messages"]
+        )
+        return (*self._container.losses, *undecodable, *self._read_losses)
+
+    def _check_open(self) -> None:
+        if not self._close.alive:
+            raise LogError(f"{self.path}: the log was closed; open it again")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._close()
+
+
+def _agree(connections: tuple[Connection, ...]) -> _Topic:
+    """Merge the connections of a topic, which is right only if their types are the same."""
+    try:
+        distinct = dict.fromkeys(replace(connection, id=0) for connection in connections)
+        kinds = [compile_type(connection) for connection in distinct]
+    except DefinitionError as error:
+        return _Topic(connections, None, str(error))
+    encodings = {connection.encoding for connection in connections}
+    if len({kind.record for kind in kinds}) > 1 or len(encodings) > 1:
+        types = ", ".join(dict.fromkeys(f"{c.type} ({c.encoding})" for c in connections))
+        return _Topic(
+            connections,
+            None,
+            f"{len(connections)} connections whose definitions differ: {types}",
+        )
+    return _Topic(connections, kinds[0], None)

@@ -1,0 +1,210 @@
+"""Tables as logs: `.csv` and `.parquet` with one topic, `table`, and a time column."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import polars as pl
+from polars.exceptions import PolarsError
+
+from analysis.run import Loss
+from estimators.errors import LogError, nearest
+from replay.readers.container import LossList
+from replay.readers.protocol import TimeAxis
+from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
+from replay.readers.topics import TOPICS_SCHEMA, timing
+
+TOPIC: Final = "table"
+_STAMPS: Final = ("log_time_ns", "header_stamp_ns")
+
+
+class TableLog:
+    """A table whose rows are the messages of one topic. Columns are read as they are asked for."""
+
+    def __init__(self, path: Path, time: TimeAxis | None) -> None:
+        self.path = path
+        self._losses = LossList()
+        self._format = path.suffix.lower().removeprefix(".")
+        self._lazy = self._scan()
+        self._axis = self._find_axis(time)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The table's file."""
+        return (self.path,)
+
+    def _scan(self) -> pl.LazyFrame:
+        """Open the table; a CSV as text, because a fault in a cell should cost that cell.
+
+        Rows with too few cells end in nulls. Rows with too many are cut, if there are any.
+        """
+        if self._format == "parquet":
+            return self._checked(pl.scan_parquet(self.path, glob=False))
+        plain = pl.scan_csv(self.path, infer_schema=False, glob=False, encoding="utf8-lossy")
+        try:
+            plain.select(pl.len()).collect()
+            plain.select(pl.first()).collect()
+        except PolarsError:
+            self._losses.note(
+                self.path, "rows with more cells than the header: what is too much is not read"
+            )
+            plain = pl.scan_csv(
+                self.path,
+                infer_schema=False,
+                glob=False,
+                encoding="utf8-lossy",
+                truncate_ragged_lines=True,
+            )
+        return self._checked(plain)
+
+    def _checked(self, lazy: pl.LazyFrame) -> pl.LazyFrame:
+        try:
+            self._schema = lazy.collect_schema()
+        except (PolarsError, OSError) as error:
+            raise LogError(f"{self.path}: not a {self._format} table: {_line(error)}") from error
+        return lazy
+
+    def _find_axis(self, given: TimeAxis | None) -> TimeAxis:
+        columns = self._schema.names()
+        if given is not None and given.unit not in NS_PER_UNIT:
+            raise LogError(
+                f"{self.path}: no unit of time '{given.unit}'; use {', '.join(NS_PER_UNIT)}"
+            )
+        if given is not None and given.column not in columns:
+            raise LogError(
+                f"{self.path}: no column '{given.column}' for the time; "
+                f"{nearest(given.column, columns)}. Set [log] time in the machine file"
+            )
+        axis = given or guess_axis(columns)
+        if axis is None:
+            raise LogError(
+                f"{self.path}: no time column among {', '.join(columns)}; "
+                'name it in the machine file: [log] time = "COLUMN", time_unit = "s"'
+            )
+        return axis
+
+    @cached_property
+    def _times(self) -> pl.Series:
+        """Log time of each row, null where it has none."""
+        column = self._column(self._axis.column)
+        try:
+            times = nanoseconds(column, self._axis.unit)
+        except TimeError as error:
+            raise LogError(
+                f"{self.path}: column '{self._axis.column}' cannot be the time: {error}. "
+                "Set [log] time and time_unit in the machine file"
+            ) from error
+        if times.null_count():
+            self._losses.note(
+                self.path, f"{times.null_count()} of {times.len()} rows have no time: dropped"
+            )
+        return times.alias("log_time_ns")
+
+    def _column(self, name: str) -> pl.Series:
+        try:
+            return self._lazy.select(name).collect(engine="streaming").to_series()
+        except (PolarsError, OSError) as error:
+            fault = _line(error)
+            raise LogError(f"{self.path}: column '{name}' cannot be read: {fault}") from error
+
+    def _fields(self) -> list[str]:
+        return [
+            name
+            for name, dtype in self._schema.items()
+            if name not in _STAMPS and not dtype.is_nested()
+        ]
+
+    def topics(self) -> pl.DataFrame:
+        """The one topic; see `Log.topics`."""
+        row = {
+            "topic": TOPIC,
+            "type": TOPIC,
+            "encoding": self._format,
+            **timing(self._times.drop_nulls().to_numpy()),
+            "fields": self._fields(),
+            "problem": None,
+        }
+        return pl.DataFrame([row], schema=TOPICS_SCHEMA)
+
+    def read(
+        self,
+        topic: str,
+        fields: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> pl.DataFrame:
+        """Read columns of the table; see `Log.read`."""
+        if topic != TOPIC:
+            raise LogError(f"{self.path}: no topic '{topic}'; a table has the one topic '{TOPIC}'")
+        choices = self._fields()
+        for field in fields:
+            if field not in choices:
+                raise LogError(f"{self.path}: no column '{field}'; {nearest(field, choices)}")
+        columns = [self._values(field) for field in dict.fromkeys(fields)]
+        times = self._times
+        frame = pl.DataFrame(
+            [times, pl.Series("header_stamp_ns", [None] * times.len(), dtype=pl.Int64), *columns]
+        )
+        inside = pl.col("log_time_ns").is_not_null()
+        if start_ns is not None:
+            inside &= pl.col("log_time_ns") >= start_ns
+        if end_ns is not None:
+            inside &= pl.col("log_time_ns") <= end_ns
+        return frame.filter(inside).sort("log_time_ns", maintain_order=True)
+
+    def _values(self, name: str) -> pl.Series:
+        values = self._column(name)
+        if self._format == "csv":
+            return self._typed(values)
+        if values.dtype.is_float() or values.dtype.is_decimal():
+            return values.cast(pl.Float64)
+        if values.dtype.is_integer() and values.dtype != pl.UInt64:
+            return values.cast(pl.Int64)
+        if values.dtype.is_temporal():
+            return values.to_physical().cast(pl.Int64)
+        keeps = values.dtype.is_integer() or values.dtype == pl.Boolean
+        return values if keeps else values.cast(pl.String)
+
+    def _typed(self, text: pl.Series) -> pl.Series:
+        """Integers, numbers, booleans or text: the first that at least half of the cells are."""
+        text = text.str.strip_chars()
+        present = text.filter(text.is_not_null() & (text != ""))
+        as_integers = text.cast(pl.Int64, strict=False)
+        if as_integers.count() == present.len() > 0:
+            return as_integers
+        if present.len() and present.str.to_lowercase().is_in(["true", "false"]).all():
+            return text.str.to_lowercase() == "true"
+        numbers = text.cast(pl.Float64, strict=False)
+        if numbers.count() * 2 < present.len():
+            return text
+        faults = text.filter(numbers.is_null() & text.is_not_null() & (text != ""))
+        if faults.len():
+            self._losses.note(
+                self.path,
+                f"{faults.len()} cells of column '{text.name}' are no numbers, "
+                f"the first is '{faults[0]}'",
+                TOPIC,
+            )
+        return numbers
+
+    def losses(self) -> tuple[Loss, ...]:
+        """What could not be read so far."""
+        return tuple(self._losses)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Nothing stays open."""
+
+
+def _line(error: BaseException) -> str:
+    """The first line of a message that polars spreads over several."""
+    return str(error).strip().partition("\n")[0]
