@@ -19,8 +19,8 @@ class SimulatedLog:
     """What is recorded with one load, and the truth about it.
 
     Attributes:
+        scenario: what was asked for.
         load_kg: the load.
-        origin_unix_ns: when the campaign began: where the time of tables counts from.
         topics: `imu`, `torque` and `speed`, as `measure` gives them.
         runs: a row a run: `run`, the unix times `start_ns`, `throttle_ns`, `cruise_ns`,
             `braking_ns` and `end_ns`, and the true `load_kg mass_kg friction_N_s_m coulomb_N
@@ -30,11 +30,16 @@ class SimulatedLog:
             `measured_force_x_N` (the part that torque sensors on all wheels would see).
     """
 
+    scenario: Scenario
     load_kg: float
-    origin_unix_ns: int
     topics: Mapping[str, pl.DataFrame]
     runs: pl.DataFrame
     noise_free: pl.DataFrame
+
+    @property
+    def origin_unix_ns(self) -> int:
+        """When the campaign began: what the time of its tables counts from."""
+        return _ns(self.scenario.log.start_unix_s)
 
 
 def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
@@ -44,7 +49,7 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
     and in the measurements as on site; what they do to an uncorrected mass is for the replay to
     find out.
     """
-    origin_ns = start_ns = scenario.log.start_unix_s * 1_000_000_000
+    start_ns = _ns(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
         timeline = _Timeline(scenario, solve_run(scenario, load_kg), start_ns)
         stamp_ns = timeline.stamps_ns()
@@ -52,8 +57,8 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
         delayed = timeline.channels(stamp_ns - _ns(scenario.sensors.force_delay_s))
         streams = Streams(scenario.sensors.seed, index, timeline.run(stamp_ns))
         yield SimulatedLog(
+            scenario=scenario,
             load_kg=load_kg,
-            origin_unix_ns=origin_ns,
             topics=measure(scenario, streams, stamp_ns, now, delayed),
             runs=_truth(scenario, timeline, load_kg),
             noise_free=pl.DataFrame({"time_ns": stamp_ns, **now._asdict()}).with_columns(
@@ -120,4 +125,4 @@ def _truth(scenario: Scenario, timeline: _Timeline, load_kg: float) -> pl.DataFr
 
 
 def _ns(seconds: float) -> int:
-    return round(seconds * 1e9)
+    return round(seconds * 1_000_000_000)
