@@ -1,0 +1,48 @@
+"""The command `simulate`: a scenario into logs with known truth."""
+
+from pathlib import Path
+
+from analysis.simulation import Scenario, simulate_campaign
+from estimators.errors import OutputError
+from replay.write_log import write_logs
+
+
+def simulate(scenario: Scenario, output: Path, *, force: bool = False) -> list[Path]:
+    """Write the scenario's logs, and beside each its truth (`LOG.truth.json`).
+
+    Args:
+        scenario: what to simulate.
+        output: the log; its suffix says the format (.bag, .mcap, .csv; none: a rosbag2 directory).
+            With several loads, each has its own log, named after it: `campaign.bag` becomes
+            `campaign_000kg.bag`, `campaign_050kg.bag`, ….
+        force: whether logs that are there may be replaced.
+
+    Returns:
+        The logs, in the order of the loads; they make one time line.
+
+    Raises:
+        OutputError: no format has that suffix, an output is there already, or the folder cannot
+            be written to.
+    """
+    targets = log_paths(scenario, output)
+    write_logs(simulate_campaign(scenario), targets, force=force)
+    return targets
+
+
+def log_paths(scenario: Scenario, output: Path) -> list[Path]:
+    """The logs that `simulate` writes.
+
+    Raises:
+        OutputError: the output has no name.
+    """
+    if not output.name:
+        raise OutputError(f"{output}: is a folder; name a log in it, such as '{output}/log.mcap'")
+    loads = scenario.campaign.loads_kg
+    if len(loads) == 1:
+        return [output]
+    return [output.with_name(f"{output.stem}_{_number(load)}kg{output.suffix}") for load in loads]
+
+
+def _number(load_kg: float) -> str:
+    # a point would start a suffix
+    return f"{load_kg:03.0f}" if load_kg.is_integer() else str(load_kg).replace(".", "_")

@@ -1,0 +1,63 @@
+"""Simulated logs as files: one table of suffixes, and the truth beside each log."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from analysis.simulation import SimulatedLog
+from estimators.errors import OutputError
+from replay.writers import csv, mcap, rosbag1, rosbag2
+from replay.writers.staging import staged
+
+#: A rosbag2 directory has no suffix.
+WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {
+    ".bag": rosbag1.write,
+    ".mcap": mcap.write,
+    ".csv": csv.write,
+    "": rosbag2.write,
+}
+
+
+def write_logs(
+    logs: Iterable[SimulatedLog], targets: Sequence[Path], *, force: bool = False
+) -> None:
+    """Write each log to its target, and the truth to `TARGET.truth.json`: all of them, or none.
+
+    Args:
+        logs: as many as there are targets.
+        targets: in one folder; the suffix says the format.
+        force: whether outputs that are there may be replaced.
+
+    Raises:
+        OutputError: no format has that suffix, an output is there already, or the folder cannot
+            be written to.
+    """
+    for target in targets:
+        if target.suffix not in WRITERS:
+            raise OutputError(
+                f"{target}: no format '{target.suffix}'; use .bag, .mcap, .csv, "
+                "or no suffix for a rosbag2 directory"
+            )
+    with staged([*targets, *map(truth_path, targets)], force=force) as stage:
+        for log, target in zip(logs, targets, strict=True):
+            WRITERS[target.suffix](log, stage / target.name)
+            truth_path(stage / target.name).write_text(
+                json.dumps(_truth(log, target), indent=2) + "\n", encoding="utf-8"
+            )
+
+
+def truth_path(target: Path) -> Path:
+    """Where the truth of a simulated log is."""
+    return target.with_name(f"{target.name}.truth.json")
+
+
+def _truth(log: SimulatedLog, target: Path) -> dict[str, Any]:
+    return {
+        "log": target.name,
+        "load_kg": log.load_kg,
+        # the log's own times are unix times less this
+        "time_zero_unix_ns": log.origin_unix_ns if target.suffix == ".csv" else 0,
+        "runs": log.runs.to_dicts(),
+        "scenario": log.scenario.model_dump(mode="json"),
+    }

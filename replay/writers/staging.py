@@ -1,0 +1,54 @@
+"""Outputs that appear whole or not at all."""
+
+import shutil
+import tempfile
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from estimators.errors import OutputError
+
+
+@contextmanager
+def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+    """A hidden folder to write the targets in, under their own names; then they move into place.
+
+    Args:
+        targets: files or folders of one folder.
+        force: whether what is there may be replaced (a folder only if it is a rosbag2 directory).
+
+    Raises:
+        OutputError: a target is there already, or their folder cannot be written to.
+    """
+    folder = targets[0].parent
+    try:
+        for target in targets:
+            _refuse_to_overwrite(target, force=force)
+        stage = Path(tempfile.mkdtemp(prefix=".payscope-", dir=folder))
+    except OSError as error:
+        raise OutputError(
+            f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
+            "name a folder that is there and that you may write in"
+        ) from None
+    try:
+        yield stage
+        for target in targets:
+            _move(stage / target.name, target)
+    except OSError as error:
+        raise OutputError(f"{targets[0]}: cannot be written ({error.strerror})") from None
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+
+
+def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
+    if target.is_dir() and not (target / "metadata.yaml").is_file():
+        raise OutputError(f"{target}: is a folder and no rosbag2 directory; name another output")
+    if target.exists() and not force:
+        raise OutputError(f"{target}: is there already; name another output, or give --force")
+
+
+def _move(written: Path, target: Path) -> None:
+    # only a file can be renamed over what is there, and only over a file
+    if target.exists() and (target.is_dir() or written.is_dir()):
+        target.replace(written.with_name(f"{target.name}.replaced"))
+    written.replace(target)
