@@ -1,0 +1,40 @@
+"""One colour a method, phase and reason, the same in the viewer and in the plots."""
+
+from typing import Final
+
+#: Okabe and Ito's palette: told apart by the colour-blind, on black and on white.
+_PALETTE: Final = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#8c7ae6", "#b0a030")
+_METHODS: Final = ("ls", "rls", "fgls", "tls", "pooled", "huber", "rtls")
+
+_GOOD: Final = "#2e9e5b"
+_QUIET: Final = "#7f8c8d"
+_BAD: Final = "#c0392b"
+STATES: Final[dict[str, str]] = {
+    "standstill": _QUIET,
+    "accelerating": _GOOD,
+    "cruising": "#3d7ea6",
+    "braking": _BAD,
+    "spinning": "#8e44ad",
+    "arc": "#b38600",
+    "turning": "#d35400",
+    "accepted": _GOOD,
+    "warming_up": "#95a5a6",
+    "gap": "#5d4037",
+    "no_variance": "#607d8b",
+    "low_information": "#3d7ea6",
+    "negative_dependence": "#6c5ce7",
+    "translating": "#b38600",
+    "saturated": "#e84393",
+    "slip": "#ff7675",
+    "ill_conditioned": "#a0522d",
+}
+
+
+def line(number: int) -> str:
+    """The colour of the n-th line of a plot."""
+    return _PALETTE[number % len(_PALETTE)]
+
+
+def method(name: str) -> str:
+    """The colour of an estimator."""
+    return line(_METHODS.index(name)) if name in _METHODS else _QUIET

@@ -1,0 +1,236 @@
+"""What a view draws of a run, and the frames that exist only to be drawn.
+
+A line must not cross a gap, so sparse rows get an empty row after each stretch; a manoeuvre is
+held over its span; a state is kept where it changes; the overview of a long log has the mean and
+the extremes of every few seconds. These frames lie under `display/` and are never read back.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+
+from analysis.run import Run
+from recordings import colours
+from recordings.table import TABS, Kind, Series, View, entity_parts, frames_of
+
+ROOT: Final = "display"
+_NS: Final = 10**9
+#: A log longer than this opens with decimated series, in bins of 1 to 10 s.
+LONG_NS: Final = 600 * _NS
+_BINS: Final = 3000
+_SPARSE: Final = ("estimates", "segments")
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """One line, band or lane on the screen: a column of a stored frame and its looks."""
+
+    frame: str
+    column: str
+    label: str
+    colour: str = ""
+    variance: str | None = None
+    faint: bool = False
+
+
+def span_ns(run: Run) -> tuple[int, int] | None:
+    """The first and last `t_ns` of a run's grid, or None when no frame has rows in time."""
+    for name in ("aligned", "excitation", "gate"):
+        if name in run.frames and run.frames[name].height:
+            times = run.frames[name]["t_ns"]
+            return times[0], times[-1]
+    return None
+
+
+def is_long(run: Run) -> bool:
+    """Whether the overview of this run is decimated."""
+    span = span_ns(run)
+    return span is not None and span[1] - span[0] > LONG_NS
+
+
+def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
+    """The series of a view that this run has numbers for, each with the name of its frame."""
+    for series in view.series:
+        for name in frames_of(series, run.frames):
+            frame = run.frames[name]
+            if series.column in frame.columns and frame[series.column].is_not_null().any():
+                yield series, name
+
+
+def drawn_of(view: View, run: Run, *, overview: bool = False) -> tuple[Drawn, ...]:
+    """What a view draws of this run, the decimated series where `overview` asks for them."""
+    decimated = overview and is_long(run)
+    drawn: list[Drawn] = []
+    for number, (series, name) in enumerate(series_of(view, run)):
+        if view.kind is Kind.STATES:
+            drawn.append(Drawn(_state_frame(series, name), "state", series.label))
+            continue
+        method = entity_parts(name)[1] if series.frame == "estimates" else None
+        label = " ".join(filter(None, (method, series.label)))
+        colour = colours.method(method) if method else colours.line(number)
+        frame = _overview_frame(name) if decimated else _source(series, name)
+        variance = _variance(series.std) if series.std else None
+        if decimated and view.kind is Kind.LINES:
+            for extreme in ("min", "max"):
+                column = f"{series.column}_{extreme}"
+                drawn.append(Drawn(frame, column, f"{label}, {extreme}", colour, faint=True))
+            label += ", mean"
+        drawn.append(Drawn(frame, series.column, label, colour, variance))
+    if drawn and view.threshold is not None:
+        label = f"threshold {_threshold(run, view):g} {view.unit}"
+        drawn.append(Drawn(_threshold_frame(view), "threshold", label, "#d55e00"))
+    return tuple(drawn)
+
+
+def display_frames(run: Run) -> dict[str, pl.DataFrame]:
+    """Every frame that exists only to be drawn, by its name under `display/`, with `t_ns`."""
+    frames: dict[str, pl.DataFrame] = {}
+    for view in dict.fromkeys(view for tab in TABS for view in tab.views):
+        for series, name in series_of(view, run):
+            frame = run.frames[name]
+            if view.kind is Kind.STATES:
+                frames[_state_frame(series, name)] = _transitions(series, frame, _period_ns(run))
+            elif series.frame == "estimates":
+                frames[_source(series, name)] = _broken(_numbers(name, frame), _period_ns(run))
+            elif series.frame == "segments":
+                frames[_source(series, name)] = _held(_numbers(name, frame), frame["end_t_ns"])
+            if view.threshold is not None and (span := span_ns(run)) is not None:
+                level = [_threshold(run, view)] * 2
+                frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
+    return frames | (_overviews(run) if is_long(run) else {})
+
+
+def axis_range(view: View, run: Run) -> tuple[float, float] | None:
+    """Where the bulk of a wild view's numbers lies, or None to show them all."""
+    if not view.wild:
+        return None
+    drawn = list(series_of(view, run))
+    values = pl.concat([run.frames[name][series.column] for series, name in drawn])
+    values = values.filter(values.is_finite())
+    stds = [run.frames[name][series.std] for series, name in drawn if series.std]
+    std = pl.concat(stds).filter(pl.concat(stds).is_finite()).median() if stds else None
+    if values.is_empty():
+        return None
+    low, high = values.quantile(0.05), values.quantile(0.95)
+    if low is None or high is None:
+        return None
+    margin = 0.25 * (high - low) + 2 * (float(std) if isinstance(std, float) else 0.0)
+    margin = margin or 0.05 * abs(high) or 1.0
+    return low - margin, high + margin
+
+
+def _source(series: Series, name: str) -> str:
+    return f"{ROOT}/{name}" if series.frame in _SPARSE else name
+
+
+def _overview_frame(name: str) -> str:
+    return f"{ROOT}/overview/{name}"
+
+
+def _state_frame(series: Series, name: str) -> str:
+    return f"{ROOT}/states/{name}/{series.column}"
+
+
+def _threshold_frame(view: View) -> str:
+    return f"{ROOT}/threshold/{view.threshold}"
+
+
+def _variance(std: str) -> str:
+    return f"{std}_squared"
+
+
+def _threshold(run: Run, view: View) -> float:
+    return float(run.provenance.settings.get(str(view.threshold), float("nan")))
+
+
+def _period_ns(run: Run) -> int:
+    """The period of the grid; 10 ms where the settings do not say."""
+    return round(_NS / float(run.provenance.settings.get("rate_hz", 100.0)))
+
+
+def _numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
+    """The numbers of a frame that some view draws, by start time, with variances."""
+    family = entity_parts(name)[0]
+    shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
+    columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
+    numeric = [c for c in columns if frame.schema[c].is_float()]
+    stds = dict.fromkeys(s.std for s in shown if s.std and s.std in frame.columns)
+    time = "start_t_ns" if "start_t_ns" in frame.columns else "t_ns"
+    return frame.select(
+        pl.col(time).alias("t_ns"),
+        *numeric,
+        *((pl.col(std) ** 2).alias(_variance(std)) for std in stds),
+    )
+
+
+def _broken(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+    """An empty row after each stretch of rows that follow each other at the grid's period."""
+    step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
+    ends = numbers.filter((step > 1.5 * period_ns).fill_null(True)).select(pl.col("t_ns") + 1)
+    return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
+
+
+def _held(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
+    """Each row twice, at its start and its end, and then an empty row."""
+    ends = numbers.with_columns(end_ns.alias("t_ns"))
+    breaks = ends.select(pl.col("t_ns") + 1)
+    return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
+
+
+def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:
+    """The rows where a state begins; no state (null) after the last one."""
+    column = pl.col(series.column)
+    if frame.schema[series.column] == pl.Boolean:
+        column = pl.when(column).then(pl.lit(series.column))
+    column = column.cast(pl.String).alias("state")
+    if "end_t_ns" in frame.columns:
+        starts = frame.select(pl.col("start_t_ns").alias("t_ns"), column)
+        ends = frame.select((pl.col("end_t_ns") + 1).alias("t_ns"))
+    else:
+        starts = frame.select("t_ns", column)
+        ends = frame.tail(1).select(pl.col("t_ns") + period_ns)
+    # where one manoeuvre ends as the next begins, the beginning is the later of the two rows
+    states = pl.concat([ends, starts], how="diagonal").sort("t_ns", maintain_order=True)
+    changed = pl.col("state").ne_missing(pl.col("state").shift(1))
+    return states.filter(changed | (pl.int_range(pl.len()) == 0))
+
+
+def _overviews(run: Run) -> dict[str, pl.DataFrame]:
+    span = span_ns(run)
+    assert span is not None
+    width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
+    asked: dict[str, list[pl.Expr]] = {}
+    for view in TABS[0].views:
+        for series, name in series_of(view, run):
+            if view.kind is Kind.LINES:
+                asked.setdefault(name, []).extend(_extremes(series.column))
+            elif view.kind is Kind.BANDS and series.std is not None:
+                variance = (pl.col(series.std) ** 2).mean().alias(_variance(series.std))
+                asked.setdefault(name, []).extend([pl.col(series.column).mean(), variance])
+    return {
+        _overview_frame(name): _binned(run.frames[name], wanted, span, width_ns)
+        for name, wanted in asked.items()
+    }
+
+
+def _extremes(column: str) -> list[pl.Expr]:
+    numbers = pl.col(column)
+    return [
+        numbers.mean(),
+        numbers.min().alias(f"{column}_min"),
+        numbers.max().alias(f"{column}_max"),
+    ]
+
+
+def _binned(
+    frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
+) -> pl.DataFrame:
+    """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""
+    start, end = span
+    number = ((pl.col("t_ns") - start) // width_ns).alias("bin")
+    bins = pl.select(pl.int_range((end - start) // width_ns + 1, dtype=pl.Int64).alias("bin"))
+    binned = bins.join(frame.group_by(number).agg(wanted), on="bin", how="left").sort("bin")
+    middle = (start + pl.col("bin") * width_ns + width_ns // 2).alias("t_ns")
+    return binned.select(middle, pl.exclude("bin"))

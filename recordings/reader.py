@@ -1,0 +1,175 @@
+"""Read a recording back: exactly the run that was written."""
+
+import json
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+from pydantic import ValidationError
+
+from analysis.run import Loss, Provenance, Run
+from estimators.errors import RecordingError, nearest
+from recordings.stored import Manifest, StoredColumn, StoredFrame
+from recordings.table import component
+
+if TYPE_CHECKING:
+    from rerun.chunk import LazyStore
+
+#: The property of a recording that says what payscope wrote into it.
+PROPERTY = "payscope"
+FORMAT = 1
+
+
+def read_recording(path: str | Path) -> Run:
+    """Read a whole recording.
+
+    Returns:
+        A run equal to the one written. Of a recording that was recovered after damage, what there
+        is, with a loss in the provenance for each frame that misses rows.
+
+    Raises:
+        RecordingError: no such file, not a recording of payscope, or a damaged one.
+    """
+    with _opened(path) as store:
+        manifest, provenance = _described(Path(path), store)
+        frames = {f.name: _read(store, f, f.columns) for f in manifest.frames}
+    lost = tuple(
+        Loss(
+            source=Path(path).name,
+            topic=stored.name,
+            what=f"the recording has {frames[stored.name].height} of {stored.rows} rows",
+        )
+        for stored in manifest.frames
+        if frames[stored.name].height != stored.rows
+    )
+    return Run(frames, provenance.model_copy(update={"losses": (*provenance.losses, *lost)}))
+
+
+def read_frame(
+    path: str | Path, name: str, columns: Sequence[str] | None = None
+) -> pl.DataFrame:
+    """Read one frame, or some of its columns, without reading the others.
+
+    Raises:
+        RecordingError: as `read_recording`; and no such frame or column, with the choices.
+    """
+    with _opened(path) as store:
+        manifest, _ = _described(Path(path), store)
+        stored = manifest.frame(name)
+        if stored is None:
+            hint = nearest(name, (frame.name for frame in manifest.frames))
+            raise RecordingError(f"{path}: no stage '{name}'; {hint}")
+        known = [column.name for column in stored.columns]
+        for column in columns or ():
+            if column not in known:
+                raise RecordingError(f"{path}: '{name}' has no '{column}'; {nearest(column, known)}")
+        return _read(store, stored, stored.columns if columns is None else stored.select(columns))
+
+
+def read_provenance(path: str | Path) -> Provenance:
+    """Read where a recording came from, without its frames.
+
+    Raises:
+        RecordingError: as `read_recording`.
+    """
+    with _opened(path) as store:
+        return _described(Path(path), store)[1]
+
+
+def stages(path: str | Path) -> dict[str, tuple[str, ...]]:
+    """The names of a recording's frames, in pipeline order, with their columns.
+
+    Raises:
+        RecordingError: as `read_recording`.
+    """
+    with _opened(path) as store:
+        manifest, _ = _described(Path(path), store)
+    return {frame.name: tuple(c.name for c in frame.columns) for frame in manifest.frames}
+
+
+@contextmanager
+def _opened(path: str | Path) -> "Iterator[LazyStore]":
+    """Open a recording; whatever Rerun says of a bad one becomes one line."""
+    path = Path(path)
+    if not path.exists():
+        raise RecordingError(f"{path}: no such recording; `payscope run` writes one")
+    if not path.is_file():
+        raise RecordingError(f"{path}: not a recording but a folder; name the .rrd file in it")
+    with path.open("rb") as file:
+        if file.read(3) != b"RRF":
+            raise RecordingError(f"{path}: not a Rerun recording (.rrd)")
+    import rerun as rr
+    from rerun.error_utils import RerunWarning
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
+            store = rr.chunk.RrdReader(path).store()
+        yield store
+    except (RuntimeError, ValueError) as error:
+        reason = str(error).splitlines()[0].removeprefix(f"Failed to read RRD file at {path}: ")
+        raise RecordingError(
+            f"{path}: damaged or not finished ({reason}); recover its complete rows with "
+            f"`rerun rrd optimize {path} -o recovered.rrd`"
+        ) from error
+
+
+def _described(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
+    found: dict[str, Any] = {}
+    for chunk in store.stream().filter(content=f"/__properties/{PROPERTY}"):
+        batch = chunk.to_record_batch()
+        found |= {name: batch.column(name)[0].as_py()[0] for name in batch.schema.names[1:]}
+    if "manifest" not in found or "provenance" not in found:
+        raise RecordingError(f"{path}: a Rerun recording, but not one that payscope wrote")
+    if found.get("format") != FORMAT:
+        raise RecordingError(
+            f"{path}: written in format {found.get('format')}, this payscope reads {FORMAT}; "
+            "use the payscope that wrote it, or replay the log"
+        )
+    try:
+        return (
+            Manifest.model_validate_json(found["manifest"]),
+            Provenance.model_validate(json.loads(found["provenance"])),
+        )
+    except (ValidationError, json.JSONDecodeError) as error:
+        raise RecordingError(f"{path}: its description is damaged; replay the log") from error
+
+
+def _read(
+    store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
+) -> pl.DataFrame:
+    """Read columns of a frame, rows in the order they were written."""
+    import pyarrow as pa
+
+    wanted = [component(column.name) for column in columns]
+    chunks = store.stream().filter(content=stored.entity, components=wanted)
+    batches = [chunk.to_record_batch() for chunk in chunks]
+    # a row id grows with every row that is written; the store gives chunks in no fixed order
+    batches.sort(key=lambda batch: batch.column(0)[0].as_py())
+    values = {
+        name: [_flat(batch.column(name), stored.name) for batch in batches] for name in wanted
+    }
+    return pl.DataFrame(
+        [
+            column.decode(
+                pl.Series(
+                    column.name,
+                    pl.from_arrow(pa.chunked_array(values[component(column.name)]))
+                    if batches
+                    else [],
+                )
+            )
+            for column in columns
+        ]
+    )
+
+
+def _flat(lists: "pa.Array", frame: str) -> "pa.Array":
+    """Take the one value out of each list of a column."""
+    flat = lists.flatten()
+    if len(flat) != len(lists):
+        raise RecordingError(f"'{frame}' holds several values in a row, so payscope did not write it")
+    return flat

@@ -1,0 +1,300 @@
+"""Which column of which frame is kept where in a recording, and which view of which tab draws it.
+
+The one table that the writer, the reader, the blueprint and the plots loop over. A frame `name` is
+one wide entity (`entity_parts`), a column one component of it (`component`). What a tab draws is
+listed in `TABS`; every other declared column is in `KEPT`: stored, readable, not drawn.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from analysis.schema import frame_schema
+
+TIME: Final = "time"
+SINCE_START: Final = "t"
+ROW: Final = "row"
+COMPONENT_PREFIX: Final = "payscope:"
+
+
+class Kind(Enum):
+    """How a view draws its series."""
+
+    LINES = "lines"
+    BANDS = "a line with ±1σ around it"
+    STATES = "a lane a series, coloured by state"
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`."""
+
+    frame: str
+    column: str
+    label: str
+    std: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One plot: its series share a unit, which the title gets from the schema."""
+
+    name: str
+    kind: Kind
+    series: tuple[Series, ...]
+    threshold: str | None = None
+    """The setting that is drawn as a constant line."""
+    wild: bool = False
+    """Whether a few estimates may be off by orders of magnitude: the axis then shows the bulk."""
+
+    @property
+    def unit(self) -> str:
+        """The unit of all its series (1 for states)."""
+        first = self.series[0]
+        declared = frame_schema(first.frame).column(first.column)
+        return "1" if declared is None else declared.unit
+
+    @property
+    def title(self) -> str:
+        """Its name, with the unit where there is one."""
+        return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
+
+
+@dataclass(frozen=True, slots=True)
+class Tab:
+    """One tab: its views from top to bottom, and the texts beside them."""
+
+    name: str
+    views: tuple[View, ...] = ()
+    texts: tuple[str, ...] = ()
+
+
+def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
+    drawn = tuple(Series(frame, column, label) for column, label in series.items())
+    return View(name, Kind.LINES, drawn, threshold)
+
+
+def _band(name: str, frame: str, column: str, std: str, label: str = "") -> View:
+    return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
+
+
+def _states(name: str, *series: tuple[str, str, str]) -> View:
+    return View(name, Kind.STATES, tuple(Series(*each) for each in series))
+
+
+_FORCE = _lines("Force", "excitation", force_x_N="driving force")
+_ACCELERATION = _lines(
+    "Acceleration",
+    "excitation",
+    regressor_acc_x_m_s2="regressor, multiplies the mass",
+    specific_force_x_m_s2="accelerometer, gravity included",
+    acc_x_m_s2="kinematic",
+    speed_rate_x_m_s2="speed rate, decides the phase",
+)
+_SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
+_INDEX = _lines("Information index", "gate", "threshold_nat", mi_x_nat="index of the window")
+_MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
+_DECISIONS = _states(
+    "Gate and phase", ("gate", "reason_x", "gate"), ("excitation", "phase", "phase")
+)
+
+TABS: Final = (
+    Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _MASS), ("answer",)),
+    Tab(
+        "Motion",
+        (
+            _FORCE,
+            _ACCELERATION,
+            _SPEED,
+            _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque"),
+            _states(
+                "Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap in log")
+            ),
+        ),
+    ),
+    Tab(
+        "Gate",
+        (
+            _INDEX,
+            _lines("Correlation of acceleration and force", "gate", corr_x_1="correlation"),
+            View(
+                "Predicted standard deviation of the mass",
+                Kind.LINES,
+                (Series("gate", "predicted_std_x", "predicted"),),
+                wild=True,
+            ),
+            _DECISIONS,
+        ),
+    ),
+    Tab(
+        "Estimates",
+        (
+            _MASS,
+            _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m"),
+            _band("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
+        ),
+    ),
+    Tab(
+        "Residuals",
+        (
+            View(
+                "Residual r.m.s.",
+                Kind.LINES,
+                (Series("estimates", "residual_rms_N", ""),),
+                wild=True,
+            ),
+            View(
+                "Condition number",
+                Kind.LINES,
+                (Series("estimates", "condition_1", ""),),
+                wild=True,
+            ),
+        ),
+    ),
+    Tab(
+        "Manoeuvres",
+        (
+            _band("Mass a manoeuvre", "segments", "mass_kg", "mass_std_kg", "mass"),
+            _band(
+                "Viscous friction a manoeuvre",
+                "segments",
+                "friction_x_N_s_m",
+                "friction_x_std_N_s_m",
+                "viscous friction",
+            ),
+            _band(
+                "Coulomb friction a manoeuvre",
+                "segments",
+                "coulomb_x_N",
+                "coulomb_x_std_N",
+                "Coulomb friction",
+            ),
+            _lines("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
+            _states(
+                "Phase and outcome",
+                ("segments", "phase", "phase"),
+                ("segments", "reason", "outcome"),
+            ),
+        ),
+    ),
+    Tab(
+        "Channels",
+        (
+            _lines(
+                "Wheel torque",
+                "aligned",
+                torque_left_N_m="left",
+                torque_right_N_m="right",
+                torque_z_N_m="yaw",
+            ),
+            _lines("Force as aligned", "aligned", force_x_N="driving force"),
+            _lines(
+                "Speed as aligned",
+                "aligned",
+                speed_x_m_s="machine",
+                speed_left_m_s="left wheels",
+                speed_right_m_s="right wheels",
+            ),
+            _lines(
+                "Acceleration as aligned",
+                "aligned",
+                acc_x_m_s2="kinematic",
+                specific_force_x_m_s2="accelerometer x",
+                specific_force_y_m_s2="accelerometer y",
+                specific_force_z_m_s2="accelerometer z",
+            ),
+            _lines("Position", "aligned", position_x_m="travelled"),
+        ),
+    ),
+    Tab(
+        "Attitude",
+        (
+            _lines(
+                "Angular rate",
+                "aligned",
+                roll_rate_rad_s="roll",
+                pitch_rate_rad_s="pitch",
+                yaw_rate_rad_s="yaw",
+            ),
+            _lines("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
+            _lines(
+                "Angle", "aligned", pitch_rad="pitch, nose-up", roll_rad="roll", boom_rad="boom"
+            ),
+        ),
+    ),
+    Tab("Calibration", texts=("calibration",)),
+    Tab("Provenance", texts=("settings", "provenance")),
+)
+
+#: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
+#: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
+KEPT: Final[dict[str, tuple[str, ...]]] = {
+    "aligned": ("t_ns", "latitude_deg", "longitude_deg", "direction_x_1"),
+    "excitation": (
+        "t_ns",
+        "direction_x_1",
+        "speed_left_m_s",
+        "speed_right_m_s",
+        "specific_force_y_m_s2",
+        "specific_force_z_m_s2",
+        "roll_rate_rad_s",
+        "pitch_rate_rad_s",
+        "yaw_rate_rad_s",
+        "yaw_acc_rad_s2",
+        "pitch_rad",
+        "roll_rad",
+    ),
+    "gate": ("t_ns", "accepted_x"),
+    "estimates": ("t_ns",),
+    "segments": (
+        "segment_id",
+        "start_t_ns",
+        "end_t_ns",
+        "samples",
+        "samples_accepted",
+        "condition_1",
+    ),
+    "masses": (
+        "method",
+        "mass_kg",
+        "mass_std_kg",
+        "friction_x_N_s_m",
+        "friction_x_std_N_s_m",
+        "coulomb_x_N",
+        "coulomb_x_std_N",
+        "payload_kg",
+        "rows",
+        "withheld",
+    ),
+    "verdict": ("check", "value", "minimum", "maximum", "passed", "meaning"),
+    "calibration": (
+        "method",
+        "load_kg",
+        "reference_kg",
+        "runs",
+        "estimate_kg",
+        "estimate_std_kg",
+        "alpha_1",
+        "beta_kg",
+        "calibrated_kg",
+        "error_kg",
+        "error_left_out_kg",
+    ),
+}
+
+
+def entity_parts(frame: str) -> tuple[str, ...]:
+    """The parts of the entity path of a frame; a topic is one part, with its slashes."""
+    family, _, rest = frame.partition("/")
+    return (family, rest) if family == "raw" else tuple(frame.split("/"))
+
+
+def component(column: str) -> str:
+    """The component that holds a column."""
+    return COMPONENT_PREFIX + column
+
+
+def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
+    """The frames of a run that a series is drawn from, in the run's order."""
+    return tuple(name for name in frames if entity_parts(name)[0] == series.frame)

@@ -1,0 +1,226 @@
+"""The texts of a recording, in Markdown: the answer first, then where it came from."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from datetime import UTC, datetime
+from typing import Any, Final
+from zoneinfo import ZoneInfo
+
+import polars as pl
+
+from analysis.run import Provenance, Run
+from recordings.display import span_ns
+
+_NS: Final = 10**9
+_MASS_COLUMNS: Final = {
+    "method": "method",
+    "mass_kg": "mass (kg)",
+    "mass_std_kg": "± std",
+    "payload_kg": "payload (kg)",
+    "friction_x_N_s_m": "friction (N·s/m)",
+    "friction_x_std_N_s_m": "± std",
+    "coulomb_x_N": "Coulomb (N)",
+    "coulomb_x_std_N": "± std",
+    "rows": "estimates",
+}
+
+
+def texts(run: Run) -> dict[str, str]:
+    """Every text that this run has something to say in, by name."""
+    written: dict[str, Callable[[Run], str]] = {
+        "answer": answer,
+        "calibration": calibration,
+        "settings": settings,
+        "provenance": provenance,
+    }
+    return {name: text for name, write in written.items() if (text := write(run))}
+
+
+def recording_name(about: Provenance) -> str:
+    """What the viewer lists a recording as: its machine, and its logs."""
+    logs = ", ".join(each.name for each in about.inputs)
+    return ": ".join(filter(None, (machine_name(about), logs))) or "payscope"
+
+
+def machine_name(about: Provenance) -> str:
+    """The name that the machine file gives, or nothing."""
+    return str(_body(about).get("name", ""))
+
+
+def local_time(about: Provenance, t_ns: int = 0) -> str:
+    """A time since the start as the people at the machine read it."""
+    zone = ZoneInfo(str(_body(about).get("timezone", "UTC")))
+    utc = datetime.fromtimestamp((about.t0_unix_ns + t_ns) // _NS, UTC)
+    return f"{utc.astimezone(zone):%Y-%m-%d %H:%M:%S} {zone.key}"
+
+
+def number(value: object) -> str:
+    """A cell of a table: five significant digits, thousands apart, a dash for nothing."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        large = 1e4 <= abs(value) < 1e9
+        return f"{value:,.0f}".replace(",", "\u202f") if large else f"{value:.4g}"
+    return str(value)
+
+
+def headline(run: Run) -> str:
+    """The answer in one sentence, without Markdown."""
+    masses = run.frames.get("masses", pl.DataFrame())
+    failed = failed_checks(run)
+    if failed:
+        return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
+    if masses.is_empty() or masses["mass_kg"].null_count() == masses.height:
+        return "No window of this log was accepted: there is no mass."
+    known = masses.filter(pl.col("mass_kg").is_not_null())
+    pooled = known.filter(pl.col("method") == "pooled")
+    best = (known if pooled.is_empty() else pooled).row(0, named=True)
+    return (
+        f"{number(best['mass_kg'])} kg ± {number(best.get('mass_std_kg'))} kg "
+        f"({best['method']}, one standard deviation)"
+    )
+
+
+def failed_checks(run: Run) -> list[dict[str, Any]]:
+    """The rows of the verdict that did not pass."""
+    verdict = run.frames.get("verdict")
+    return [] if verdict is None else verdict.filter(~pl.col("passed")).to_dicts()
+
+
+def limits(check: dict[str, Any]) -> str:
+    """What a check's number must be."""
+    low, high = check.get("minimum"), check.get("maximum")
+    if low is not None and high is not None:
+        return f"{number(low)} to {number(high)}"
+    if low is not None:
+        return f"≥ {number(low)}"
+    return "–" if high is None else f"≤ {number(high)}"
+
+
+def answer(run: Run) -> str:
+    """The masses, the verdict with every check, and what a reader should know."""
+    about, span = run.provenance, span_ns(run)
+    duration = f", {(span[1] - span[0]) / _NS:,.1f} s" if span else ""
+    parts = [
+        f"# {headline(run)}",
+        f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
+    ]
+    if failed := failed_checks(run):
+        parts.append("**The mass is withheld**, because:")
+        parts.append(
+            "\n".join(
+                f"- **{check['check']}** is {number(check['value'])}, must be {limits(check)}: "
+                f"{check['meaning']}"
+                for check in failed
+            )
+        )
+    parts += _masses(run) + _verdict(run) + _accepted(run)
+    parts += [f"- {note}" for note in about.notes]
+    parts += [f"- lost: {each.source} {each.topic}: {each.what}" for each in about.losses]
+    return "\n\n".join(parts)
+
+
+def calibration(run: Run) -> str:
+    """The points and the fit of (19); nothing without a calibration."""
+    points = run.frames.get("calibration")
+    if points is None or points.is_empty():
+        return ""
+    parts = ["# Calibration"]
+    for (method,), group in points.group_by("method", maintain_order=True):
+        fit = group.row(0, named=True)
+        if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
+            parts.append(
+                f"**{method}**: reference = {number(fit['alpha_1'])} · estimate "
+                f"+ {number(fit['beta_kg'])} kg (19)"
+            )
+    columns = [name for name in points.columns if name not in ("alpha_1", "beta_kg")]
+    return "\n\n".join([*parts, table(columns, points.select(columns).rows())])
+
+
+def settings(run: Run) -> str:
+    """Every setting, and the machine file as resolved."""
+    about = run.provenance
+    rows = [(name, json.dumps(value)) for name, value in sorted(about.settings.items())]
+    machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
+    return "\n\n".join(
+        ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
+    )
+
+
+def provenance(run: Run) -> str:
+    """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
+    about = run.provenance
+    inputs = [(each.name, number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs]
+    frames = [(name, str(f.height), ", ".join(f.columns)) for name, f in run.frames.items()]
+    return "\n\n".join(
+        [
+            "# Inputs",
+            table(("file", "bytes", "SHA-256"), inputs),
+            f"First aligned sample: {local_time(about)} "
+            f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
+            "# Stamps",
+            table(("topic", "placed by"), about.stamps.items()),
+            "# Losses",
+            table(("source", "topic", "what"), [tuple(each) for each in _losses(about)]),
+            "# Notes",
+            "\n".join(f"- {note}" for note in about.notes) or "none",
+            "# Versions",
+            table(("what", "version"), about.versions.items()),
+            "# Stages",
+            table(("stage", "rows", "columns"), frames),
+        ]
+    )
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table, or "none"."""
+    body = [
+        "| " + " | ".join(number(cell).replace("|", "\\|") for cell in row) + " |" for row in rows
+    ]
+    if not body:
+        return "none"
+    return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *body])
+
+
+def _body(about: Provenance) -> dict[str, Any]:
+    body = about.machine.get("machine", {})
+    return body if isinstance(body, dict) else {}
+
+
+def _losses(about: Provenance) -> list[tuple[str, str, str]]:
+    return [(each.source, each.topic, each.what) for each in about.losses]
+
+
+def _masses(run: Run) -> list[str]:
+    masses = run.frames.get("masses")
+    if masses is None or masses.is_empty():
+        return []
+    shown = [c for c in _MASS_COLUMNS if c in masses.columns and masses[c].is_not_null().any()]
+    rows = masses.select(shown).rows()
+    return ["## Mass over the whole log", table([_MASS_COLUMNS[c] for c in shown], rows)]
+
+
+def _verdict(run: Run) -> list[str]:
+    verdict = run.frames.get("verdict")
+    if verdict is None or verdict.is_empty():
+        return []
+    outcome = {True: "passed", False: "**failed**", None: "does not apply"}
+    rows = [
+        (c["check"], c["value"], limits(c), outcome[c["passed"]], c["meaning"])
+        for c in verdict.to_dicts()
+    ]
+    return ["## Can this log weigh?", table(("check", "number", "limit", "", "meaning"), rows)]
+
+
+def _accepted(run: Run) -> list[str]:
+    gate = run.frames.get("gate")
+    if gate is None or gate.is_empty() or "accepted_x" not in gate.columns:
+        return []
+    parts = [f"## Gate\n\n{gate['accepted_x'].mean():.1%} of the windows accepted."]
+    if "reason_x" in gate.columns:
+        counts = gate["reason_x"].cast(pl.String).value_counts(sort=True)
+        shares = [(reason, f"{n / gate.height:.1%}") for reason, n in counts.rows()]
+        parts.append(table(("reason", "share of windows"), shares))
+    return parts

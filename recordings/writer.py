@@ -1,0 +1,120 @@
+"""Write a run as a Rerun recording: whole, verified, or not at all."""
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+from uuid import uuid4
+
+import polars as pl
+
+from analysis.run import Run
+from estimators.errors import OutputError, RecordingError
+from recordings.blueprint import blueprint, text_entity
+from recordings.display import display_frames
+from recordings.reader import FORMAT, PROPERTY, read_frame, read_provenance
+from recordings.stored import Manifest, StoredFrame
+from recordings.table import ROW, SINCE_START, TIME
+from recordings.texts import recording_name, texts
+
+if TYPE_CHECKING:
+    from rerun import RecordingStream
+
+_ROWS_A_CHUNK: Final = 16_384
+_CHUNKS_A_FLUSH: Final = 10
+APPLICATION: Final = "payscope"
+
+
+def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
+    """Write every frame of `run` and its provenance, with a blueprint that lays it out.
+
+    The file gets its name only after everything in it was read back and found equal.
+
+    Args:
+        run: what to write. Floats outside `raw` hold no NaN (missing is null).
+        path: the `.rrd` file to write; its folder must exist.
+        force: whether to replace a file that is there already.
+
+    Returns:
+        The path of the recording.
+
+    Raises:
+        OutputError: the file exists, its folder is missing or refuses the file, a column cannot be
+            stored, or what was read back differs.
+    """
+    path = Path(path)
+    partial = _partial(path, force=force)
+    try:
+        _write(run, partial)
+        _verify(run, partial, path)
+        os.replace(partial, path)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def _partial(path: Path, *, force: bool) -> Path:
+    """The temporary name beside `path`, after checking that both can be written."""
+    if path.is_dir():
+        raise OutputError(f"{path}: is a folder; name a file in it")
+    if path.exists() and not force:
+        raise OutputError(f"{path}: exists already; choose another name or give --force")
+    if not path.parent.is_dir():
+        raise OutputError(f"{path}: no folder '{path.parent}'; create it first")
+    partial = path.with_name(f".{path.name}.{uuid4().hex[:8]}.partial")
+    try:
+        partial.touch()
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+    return partial
+
+
+def _write(run: Run, partial: Path) -> None:
+    import rerun as rr
+
+    stored = [(StoredFrame.of(name, frame), frame) for name, frame in run.frames.items()]
+    described = {
+        "format": FORMAT,
+        "manifest": Manifest(frames=tuple(each for each, _ in stored)).model_dump_json(),
+        "provenance": json.dumps(run.provenance.model_dump(mode="json")),
+    }
+    with rr.RecordingStream(APPLICATION, recording_id=uuid4()) as recording:
+        recording.save(partial)
+        recording.send_blueprint(blueprint(run), make_active=True, make_default=True)
+        recording.send_property(PROPERTY, rr.AnyValues(**described))
+        recording.send_recording_name(recording_name(run.provenance))
+        recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
+        for name, text in texts(run).items():
+            document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+            recording.log(text_entity(name), document, static=True)
+        drawn = [(StoredFrame.of(name, frame), frame) for name, frame in display_frames(run).items()]
+        for each, frame in (*drawn, *stored):
+            _send(recording, each, frame, run.provenance.t0_unix_ns)
+        recording.flush()
+        recording.disconnect()
+
+
+def _send(
+    recording: "RecordingStream", stored: StoredFrame, frame: pl.DataFrame, t0_ns: int
+) -> None:
+    index = [ROW] if stored.rows_by == ROW else [TIME, SINCE_START]
+    for number, part in enumerate(frame.iter_slices(_ROWS_A_CHUNK), start=1):
+        batch = stored.to_batch(part, (number - 1) * _ROWS_A_CHUNK, t0_ns)
+        recording.send_record_batch(batch, index=index)
+        if number % _CHUNKS_A_FLUSH == 0:  # or the queue of chunks grows to the whole frame
+            recording.flush()
+
+
+def _verify(run: Run, partial: Path, path: Path) -> None:
+    """Read everything back, a frame at a time, and compare."""
+    try:
+        if read_provenance(partial) != run.provenance:
+            raise OutputError(f"{path}: the provenance read back differs; it takes plain JSON only")
+        for name, frame in run.frames.items():
+            back = read_frame(partial, name)
+            if back.schema != frame.schema or not back.equals(frame):
+                raise OutputError(f"{path}: '{name}' read back differs; is the disk full?")
+    except RecordingError as error:
+        raise OutputError(f"{path}: was written but cannot be read; is the disk full?") from error
