@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.settings import Settings
+from estimators.errors import nearest
 
 _FORBID = ConfigDict(frozen=True, extra="forbid")
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
@@ -122,7 +123,7 @@ class Machine(BaseModel):
         known = {column.name for column in CHANNEL_COLUMNS}
         for name, channel in self.channels.items():
             if name not in known:
-                raise ValueError(f"channels.{name}: no such column")
+                raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
             for source in channel.sources:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")

@@ -26,8 +26,8 @@ def masses(
 ) -> pl.DataFrame:
     """Summarise the log, a row a method.
 
-    Windowed methods give the mean of their accepted windows, recursive ones their last state,
-    `pooled` one fit over every accepted sample.
+    Windowed methods give the weighted mean of their accepted windows, recursive ones their last
+    state, `pooled` one fit over every accepted sample.
 
     Args:
         excitation: the regressor.
@@ -53,8 +53,9 @@ def masses(
             theta[row], std[row] = traced[-1], traced_std[-1]
         else:
             index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
-            traced, _ = theta_of(frame)
-            theta[row], std[row] = mean_estimate(A, f, settings.window_samples, index, traced)
+            theta[row], std[row] = mean_estimate(
+                A, f, settings.window_samples, index, *theta_of(frame)
+            )
     empty_kg = machine.machine.empty_mass_kg
     table = build(
         "masses",

@@ -88,7 +88,9 @@ def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple
 def window_residuals(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
-    """Residuals over disjoint accepted windows: (n,) residual and (n,) its row, -1 for none."""
+    """Residuals over disjoint solved windows: (n,) residual and (n,) its window, -1 for none."""
+    solved = np.isfinite(theta[:, 0])
+    index, theta = index[solved], theta[solved]
     owner = disjoint_windows(index, f.size, window)
     residual = np.zeros(f.size)
     used = owner >= 0

@@ -1,7 +1,8 @@
 """Total least squares over sliding windows, on columns scaled by their noise.
 
 On raw units TLS explodes where units differ; with every column of [A f] divided by its noise the
-smallest singular direction of the stacked window is the estimate. From the Gram matrix: θ solves
+smallest singular direction of the stacked window is the estimate; where the noise-free part of A is
+singular (too little motion for its noise) there is none, and θ is NaN. From the Gram matrix: θ solves
 (G - λI) θ = h with λ the smallest root of φ(λ) = fᵀf - λ - hᵀ(G - λI)⁻¹h.
 """
 
@@ -61,28 +62,45 @@ def fit(
     rss = float(residual @ residual)
     B = meat(A, one, 0, 0, f.size - 1, autocorrelation)
     std = deviations(gram, B, rss, float(f.size))
+    theta = np.where(np.isnan(std), np.nan, theta)
     return Estimate(theta, std, float(np.sqrt(rss / f.size)), float(condition_number(A.T @ A)))
 
 
 @njit(cache=True)
 def _smallest_root(G: Floats, h: Floats, ff: float) -> float:
-    """Newton on φ from λ = 0: φ is concave and falling up to its first root, so λ only climbs."""
+    """The smallest root of φ, by Newton (Rayleigh quotients) inside a shrinking bracket.
+
+    φ falls and is concave up to G's smallest eigenvalue, so a step may overshoot that, where
+    G - λI is no longer positive definite: then the bracket is halved.
+    """
     p = h.size
+    low = 0.0
+    high = np.inf
     lam = 0.0
     shifted = G.copy()
-    for _ in range(60):
+    for _ in range(100):
         for i in range(p):
             shifted[i, i] = G[i, i] - lam
         x = solve_spd(shifted, h)
-        value = ff - lam
-        slope = 1.0
-        for i in range(p):
-            value -= h[i] * x[i]
-            slope += x[i] * x[i]
-        step = value / slope
-        if not step > 1e-15 * ff:
-            break
-        lam += step
+        if np.isnan(x[0]):
+            high = lam
+            following = 0.5 * (low + high)
+        else:
+            value = ff - lam
+            slope = 1.0
+            for i in range(p):
+                value -= h[i] * x[i]
+                slope += x[i] * x[i]
+            if value > 0.0:
+                low = lam
+            else:
+                high = lam
+            following = lam + value / slope
+            if not low <= following <= high:
+                following = 0.5 * (low + high)
+        if abs(following - lam) <= 1e-15 * ff:
+            return following
+        lam = following
     return lam
 
 
@@ -133,4 +151,5 @@ def trace(
     theta, grams, rss, condition = _solve_windows(A, f, window, index, options.scales(p))
     correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), p)
     std = window_deviations(A, grams, rss, index, window, correlation)
+    theta = np.where(np.isnan(std), np.nan, theta)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

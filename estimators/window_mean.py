@@ -1,7 +1,9 @@
 """The mean of overlapping windows' estimates, with a standard deviation that knows the overlap.
 
-θ̄ = (1/M) Σ_w G_w⁻¹ Σ_{k∈w} a_k f_k is linear in the force: sample k enters with the weight
-c_k = (1/M) (Σ_{w∋k} G_w⁻¹) a_k. So cov θ̄ = s² Cᵀ R C, whatever the overlap.
+Windows weigh by what they know of the first parameter, ω_w ∝ 1/std². The mean
+θ̄ = Σ_w ω_w G_w⁻¹ Σ_{k∈w} a_k f_k
+is linear in the force: sample k enters with c_k = (Σ_{w∋k} ω_w G_w⁻¹) a_k. So cov θ̄ = s² Cᵀ R C,
+whatever the overlap.
 """
 
 import numpy as np
@@ -15,12 +17,14 @@ from estimators.trace import Floats, Ints
 
 
 @njit(cache=True)
-def _weights(A: Floats, grams: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
+def _weights(
+    A: Floats, grams: Floats, share: Floats, index: Ints, window: int
+) -> tuple[Floats, Ints]:
     """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others."""
     n, p = A.shape
     steps = np.zeros((n + 1, p, p))
     for row in range(index.size):
-        inverse = inverse_spd(grams[row]) / index.size
+        inverse = inverse_spd(grams[row]) * share[row]
         steps[index[row] - window + 1] += inverse
         steps[index[row] + 1] -= inverse
     cover = np.zeros((p, p))
@@ -43,9 +47,9 @@ def _weights(A: Floats, grams: Floats, index: Ints, window: int) -> tuple[Floats
 
 
 def mean_estimate(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, std: Floats
 ) -> tuple[Floats, Floats]:
-    """Mean θ over all rows of a windowed trace, and its standard deviation.
+    """Weighted mean θ over all rows of a windowed trace, and its standard deviation.
 
     Exact for LS; for FGLS and TLS to first order, by the LS weights.
 
@@ -55,16 +59,23 @@ def mean_estimate(
         window: samples in a window.
         index: (rows,) last sample of each window, ascending.
         theta: (rows, p) their estimates.
+        std: (rows, p) their standard deviations.
 
     Returns:
-        (p,) mean and (p,) standard deviations.
+        (p,) mean and (p,) standard deviations, NaN where no window has an estimate.
     """
+    solved = np.isfinite(theta[:, 0]) & np.isfinite(std[:, 0])
+    if not solved.any():
+        return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
+    index, theta, std = index[solved], theta[solved], std[solved]
     _, grams, _, _ = solve_windows(A, f, window, index)
-    weights, inside = _weights(A, grams, index, window)
+    known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
+    share = known**-2.0 / (known**-2.0).sum()
+    weights, inside = _weights(A, grams, share, index, window)
     correlation, variance = pooled_autocorrelation(
         *window_residuals(A, f, theta, index, window), A.shape[1]
     )
     cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
     white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
     deviation = np.sqrt(np.maximum(np.diag(cover), np.diag(white)) * variance)
-    return theta.mean(axis=0), deviation
+    return share @ theta, deviation

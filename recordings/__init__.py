@@ -1,4 +1,3 @@
-
 from recordings.reader import read_frame, read_provenance, read_recording, stages
 from recordings.writer import write_recording
 

@@ -48,9 +48,7 @@ def read_recording(path: str | Path) -> Run:
     return Run(frames, provenance.model_copy(update={"losses": (*provenance.losses, *lost)}))
 
 
-def read_frame(
-    path: str | Path, name: str, columns: Sequence[str] | None = None
-) -> pl.DataFrame:
+def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
     """Read one frame, or some of its columns, without reading the others.
 
     Raises:
@@ -65,7 +63,9 @@ def read_frame(
         known = [column.name for column in stored.columns]
         for column in columns or ():
             if column not in known:
-                raise RecordingError(f"{path}: '{name}' has no '{column}'; {nearest(column, known)}")
+                raise RecordingError(
+                    f"{path}: '{name}' has no '{column}'; {nearest(column, known)}"
+                )
         return _read(store, stored, stored.columns if columns is None else stored.select(columns))
 
 
@@ -138,9 +138,7 @@ def _described(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
         raise RecordingError(f"{path}: its description is damaged; replay the log") from error
 
 
-def _read(
-    store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
-) -> pl.DataFrame:
+def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]) -> pl.DataFrame:
     """Read columns of a frame, rows in the order they were written."""
     import pyarrow as pa
 
@@ -171,5 +169,7 @@ def _flat(lists: "pa.Array", frame: str) -> "pa.Array":
     """Take the one value out of each list of a column."""
     flat = lists.flatten()
     if len(flat) != len(lists):
-        raise RecordingError(f"'{frame}' holds several values in a row, so payscope did not write it")
+        raise RecordingError(
+            f"'{frame}' holds several values in a row, so payscope did not write it"
+        )
     return flat

@@ -89,7 +89,9 @@ def _write(run: Run, partial: Path) -> None:
         for name, text in texts(run).items():
             document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
             recording.log(text_entity(name), document, static=True)
-        drawn = [(StoredFrame.of(name, frame), frame) for name, frame in display_frames(run).items()]
+        drawn = [
+            (StoredFrame.of(name, frame), frame) for name, frame in display_frames(run).items()
+        ]
         for each, frame in (*drawn, *stored):
             _send(recording, each, frame, run.provenance.t0_unix_ns)
         recording.flush()

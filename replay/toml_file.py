@@ -1,7 +1,7 @@
 """TOML files into models, with errors of one line that name the key and the nearest known one."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -19,14 +19,25 @@ def read_model(path: Path, model: type[_Model], error: type[PayscopeError]) -> _
         PayscopeError: as `error`: the file cannot be read, is no TOML, has an unknown key (with
             the nearest known one) or a value that does not fit.
     """
+    return validate(path, read_toml(path, error), model, error)
+
+
+def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
+    """The content of a TOML file; `error` in one line where there is none."""
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as fault:
         raise error(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
         raise error(f"{path}: is no TOML: not UTF-8") from None
     except tomllib.TOMLDecodeError as fault:
         raise error(f"{path}: is no TOML: {fault}") from None
+
+
+def validate(
+    path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
+) -> _Model:
+    """The content of the file at `path` as `model`; `error` in one line where it does not fit."""
     try:
         return model.model_validate(values)
     except ValidationError as fault:

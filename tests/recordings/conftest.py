@@ -73,9 +73,7 @@ def straight_drives(
     grid = pl.DataFrame({"t_ns": t_ns, **noisy}).with_columns(
         pl.when(~pl.Series(gap)).then(pl.exclude("t_ns")), gap=pl.Series(gap)
     )
-    motion = grid.with_columns(
-        phase=pl.when(~pl.Series(gap)).then(pl.Series(phase)).cast(PHASE)
-    )
+    motion = grid.with_columns(phase=pl.when(~pl.Series(gap)).then(pl.Series(phase)).cast(PHASE))
     reason = np.select(
         [t_s < 3.2, gap, in_cycle > 6.0, in_cycle > 1.0],
         ["warming_up", "gap", "braking", "accepted" if accepted else "low_information"],
@@ -246,7 +244,11 @@ def _provenance() -> Provenance:
     return Provenance(
         inputs=(InputFile(name="shift.bag", sha256="ab" * 32, size_bytes=123_456_789),),
         machine={
-            "machine": {"name": "CAT 262C", "timezone": "America/Santiago", "empty_mass_kg": 2850.0},
+            "machine": {
+                "name": "CAT 262C",
+                "timezone": "America/Santiago",
+                "empty_mass_kg": 2850.0,
+            },
             "channels": {"force_x_N": {"topic": "/torque", "field": "effort[left]"}},
         },
         settings=Settings.model_validate({}).model_dump(mode="json"),
