@@ -76,7 +76,7 @@ def _parse(name: str) -> tuple[Step, ...]:
         match = _STEP.match(name, at)
         if match is None:
             raise FieldError(
-                f"'{name}' is no field name; write angular_velocity.z, covariance[0], effort[left]"
+                f"{name!r} is no field name; write angular_velocity.z, covariance[0], effort[left]"
             )
         steps.append(Step(match["name"], _element(match["element"])))
         at = match.end()
