@@ -44,8 +44,8 @@ class TableLog:
             return pl.scan_parquet(self.path, glob=False)
         strict = _scan_csv(self.path, cut_long_rows=False)
         try:
-            # polars notices a row that is too long when it parses the last column
-            strict.select(pl.last().count()).collect(engine="streaming")
+            # polars notices a row that is too long only when it is to parse every column
+            strict.select(pl.all().count()).collect(engine="streaming")
         except PolarsError:
             self._losses.note(
                 self.path, "rows with more cells than the header: what is too much is not read"
