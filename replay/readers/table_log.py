@@ -67,7 +67,7 @@ class TableLog:
         axis = given or guess_axis(columns)
         if axis is None:
             raise LogError(
-                f"{self.path}: no time column among {', '.join(columns)}; "
+                f"{self.path}: no time column among {', '.join(map(repr, columns))}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s"'
             )
         return axis
@@ -100,7 +100,7 @@ class TableLog:
         return [
             name
             for name, dtype in self._schema.items()
-            if name not in _STAMPS and not dtype.is_nested()
+            if name and name not in _STAMPS and not dtype.is_nested()
         ]
 
     def topics(self) -> pl.DataFrame:

@@ -107,7 +107,7 @@ def test_the_time_axis_may_be_given(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("time", "answer"),
     [
-        (None, r"no time column among clock, a; name it in the machine file: \[log\] time"),
+        (None, r"no time column among 'clock', 'a'; name it in the machine file: \[log\] time"),
         (TimeAxis("clok"), r"no column 'clok' for the time; did you mean 'clock'\?"),
         (TimeAxis("clock", "h"), "no unit of time 'h'; use s, ms, us, ns"),
     ],

@@ -61,6 +61,12 @@ def test_nanoseconds_taken_for_seconds_are_refused(stamp: float | str) -> None:
         nanoseconds(pl.Series([stamp]), "s")
 
 
+@pytest.mark.parametrize("dtype", [pl.Int8, pl.UInt16, pl.UInt64])
+def test_integers_of_every_width_are_times(dtype: pl.DataType) -> None:
+    times = pl.Series([1, None, 100], dtype=dtype)
+    assert nanoseconds(times, "s").to_list() == [10**9, None, 100 * 10**9]
+
+
 @pytest.mark.parametrize("values", [["left", "right"], [True, False], [b"1"]])
 def test_what_is_no_time_is_refused(values: list[object]) -> None:
     with pytest.raises(TimeError, match=r"no time|not times"):
