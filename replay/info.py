@@ -97,7 +97,7 @@ def _head(info: LogInfo, zone: tzinfo) -> Iterator[str]:
 
 
 def _when(stamp_ns: int, zone: tzinfo) -> str:
-    seconds = f"{stamp_ns // 10**9}.{stamp_ns % 10**9 // 10**6:03d} s"
+    seconds = f"{stamp_ns / 1e9:.3f} s"
     if stamp_ns < _FIRST_DATE_NS:
         return f"{seconds} of the log's own clock"
     local = datetime.fromtimestamp(stamp_ns // 10**9, zone)

@@ -1,5 +1,6 @@
 """The container of rosbag2's SQLite storage (`.db3`), with or without its directory."""
 
+import json
 import sqlite3
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -66,20 +67,18 @@ class Db3File:
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[RawMessage]:
         """Messages in log-time order, ties as stored."""
-        chosen = ", ".join(str(int(key)) for key in connection_ids)
         query = (
-            "SELECT topic_id, timestamp, data FROM messages "
-            f"WHERE topic_id IN ({chosen}) AND timestamp BETWEEN ? AND ? "
-            "ORDER BY timestamp, id"
+            "SELECT topic_id, timestamp, data FROM messages"
+            " WHERE topic_id IN (SELECT value FROM json_each(?)) AND timestamp BETWEEN ? AND ?"
+            " ORDER BY timestamp, id"
         )
-        bounds = (
-            -(2**63) if start_ns is None else start_ns,
-            2**63 - 1 if end_ns is None else end_ns,
-        )
-        for key, time, data in self._rows(query, bounds):
+        chosen = json.dumps(list(connection_ids))
+        first = -(2**63) if start_ns is None else start_ns
+        last = 2**63 - 1 if end_ns is None else end_ns
+        for key, time, data in self._rows(query, (chosen, first, last)):
             yield RawMessage(key, time, data)
 
-    def _rows(self, query: str, values: tuple[int, ...]) -> Iterator[tuple[Any, ...]]:
+    def _rows(self, query: str, values: tuple[object, ...]) -> Iterator[tuple[Any, ...]]:
         try:
             yield from self._database.execute(query, values)
         except sqlite3.Error as error:

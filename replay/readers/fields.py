@@ -53,7 +53,7 @@ def resolve(name: str, record: Record) -> Field:
     for step in steps:
         kind = here.get(step.name) if isinstance(here, Record) else None
         if kind is None:
-            raise FieldError(f"no field '{name}'; {nearest(name, leaves(record))}")
+            raise FieldError(f"no field {name!r}; {nearest(name, leaves(record))}")
         walked = f"{walked}.{step.name}".lstrip(".")
         if isinstance(kind, ListOf):
             assert isinstance(here, Record)
@@ -76,7 +76,7 @@ def _parse(name: str) -> tuple[Step, ...]:
         match = _STEP.match(name, at)
         if match is None:
             raise FieldError(
-                f"'{name}' is no field name; write angular_velocity.z, covariance[0], effort[left]"
+                f"{name!r} is no field name; write angular_velocity.z, covariance[0], effort[left]"
             )
         steps.append(Step(match["name"], _element(match["element"])))
         at = match.end()

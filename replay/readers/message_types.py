@@ -56,7 +56,11 @@ class Record:
     def has_header(self) -> bool:
         """Whether its messages carry a header stamp."""
         header = self.get("header")
-        return isinstance(header, Record) and header.name == HEADER_TYPE
+        return (
+            isinstance(header, Record)
+            and header.name == HEADER_TYPE
+            and header.get("stamp") == Scalar("stamp")
+        )
 
     @property
     def has_names(self) -> bool:

@@ -27,10 +27,11 @@ class Log(Protocol):
     def topics(self) -> pl.DataFrame:
         """What is in the log, a row a topic, without decoding a message.
 
-        Columns: topic, type, encoding (String), messages (Int64), start_ns, end_ns (Int64, null
-        when empty), rate_hz (Float64, null below two messages), longest_gap_s (Float64, null where
-        the stamps are not known without reading), fields (List[String], dotted), problem (String:
-        why it cannot be decoded, else null).
+        Columns: topic, type (in ROS 2 spelling, `sensor_msgs/msg/Imu`, also for ROS 1), encoding
+        (String), messages (Int64), start_ns, end_ns (Int64 log times, null when empty), rate_hz
+        (Float64 mean rate, null below two messages), longest_gap_s (Float64, likewise), fields
+        (List[String], dotted leaves; a list shows as `effort[]`), problem (String: why it cannot
+        be decoded, else null).
         """
         ...
 
@@ -53,8 +54,9 @@ class Log(Protocol):
 
         Returns:
             log_time_ns (Int64), header_stamp_ns (Int64, null where there is none), then a column
-            a field, named as asked: Float64 for floats, Int64 for integers, Boolean, String.
-            An element that a message does not have is null.
+            a field, named as asked: Float64 for floats, Int64 for integers (UInt64 for uint64,
+            so that no value is lost), Int64 nanoseconds for stamps and durations
+            (`header.stamp`), Boolean, String. An element that a message does not have is null.
 
         Raises:
             LogError: no such topic or field (with the choices), or a topic that cannot be decoded.

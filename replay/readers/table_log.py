@@ -27,7 +27,11 @@ class TableLog:
         self.path = path
         self._losses = LossList()
         self._format = path.suffix.lower().removeprefix(".")
-        self._lazy = self._scan()
+        try:
+            self._lazy = self._scan()
+            self._schema = self._lazy.collect_schema()
+        except (PolarsError, OSError) as error:
+            raise LogError(f"{path}: not a {self._format} table: {_line(error)}") from error
         self._axis = self._find_axis(time)
 
     @property
@@ -36,35 +40,18 @@ class TableLog:
         return (self.path,)
 
     def _scan(self) -> pl.LazyFrame:
-        """Open the table; a CSV as text, because a fault in a cell should cost that cell.
-
-        Rows with too few cells end in nulls. Rows with too many are cut, if there are any.
-        """
         if self._format == "parquet":
-            return self._checked(pl.scan_parquet(self.path, glob=False))
-        plain = pl.scan_csv(self.path, infer_schema=False, glob=False, encoding="utf8-lossy")
+            return pl.scan_parquet(self.path, glob=False)
+        strict = _scan_csv(self.path, cut_long_rows=False)
         try:
-            plain.select(pl.len()).collect()
-            plain.select(pl.first()).collect()
+            # polars notices a row that is too long only when it is to parse every column
+            strict.select(pl.all().count()).collect(engine="streaming")
         except PolarsError:
             self._losses.note(
                 self.path, "rows with more cells than the header: what is too much is not read"
             )
-            plain = pl.scan_csv(
-                self.path,
-                infer_schema=False,
-                glob=False,
-                encoding="utf8-lossy",
-                truncate_ragged_lines=True,
-            )
-        return self._checked(plain)
-
-    def _checked(self, lazy: pl.LazyFrame) -> pl.LazyFrame:
-        try:
-            self._schema = lazy.collect_schema()
-        except (PolarsError, OSError) as error:
-            raise LogError(f"{self.path}: not a {self._format} table: {_line(error)}") from error
-        return lazy
+            return _scan_csv(self.path, cut_long_rows=True)
+        return strict
 
     def _find_axis(self, given: TimeAxis | None) -> TimeAxis:
         columns = self._schema.names()
@@ -80,7 +67,7 @@ class TableLog:
         axis = given or guess_axis(columns)
         if axis is None:
             raise LogError(
-                f"{self.path}: no time column among {', '.join(columns)}; "
+                f"{self.path}: no time column among {', '.join(map(repr, columns))}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s"'
             )
         return axis
@@ -113,7 +100,7 @@ class TableLog:
         return [
             name
             for name, dtype in self._schema.items()
-            if name not in _STAMPS and not dtype.is_nested()
+            if name and name not in _STAMPS and not dtype.is_nested()
         ]
 
     def topics(self) -> pl.DataFrame:
@@ -203,6 +190,20 @@ class TableLog:
         trace: TracebackType | None,
     ) -> None:
         """Nothing stays open."""
+
+
+def _scan_csv(path: Path, *, cut_long_rows: bool) -> pl.LazyFrame:
+    """A CSV as text, because a fault in a cell should cost that cell.
+
+    Rows with too few cells end in nulls.
+    """
+    return pl.scan_csv(
+        path,
+        infer_schema=False,
+        glob=False,
+        encoding="utf8-lossy",
+        truncate_ragged_lines=cut_long_rows,
+    )
 
 
 def _line(error: BaseException) -> str:

@@ -88,6 +88,9 @@ def _temporal(values: pl.Series) -> pl.Series:
 
 
 def _check_range(values: pl.Series, largest: int, unit: str) -> None:
-    far = values.filter((values > largest) | (values < -largest))
-    if far.len():
-        raise TimeError(f"{far[0]} {unit} does not fit into 64 bit nanoseconds; its unit is wrong")
+    # as Python numbers: polars compares integers only with what fits into their own dtype
+    for extreme in (values.min(), values.max()):
+        if isinstance(extreme, (int, float)) and abs(extreme) > largest:
+            raise TimeError(
+                f"{extreme} {unit} does not fit into 64 bit nanoseconds; its unit is wrong"
+            )

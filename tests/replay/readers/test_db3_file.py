@@ -1,0 +1,66 @@
+"""rosbag2's SQLite files without their directory."""
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from estimators.errors import LogError
+from replay import open_log
+from tests.replay.readers.one_line import one_line_at_most
+from tests.replay.readers.written_logs import Joints, write_db3
+
+DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(5000)]
+
+
+def test_a_type_without_definition_is_taken_from_a_ros2_release(tmp_path: Path) -> None:
+    write_db3(tmp_path / "old.db3", DRIVE[:3])
+    with sqlite3.connect(tmp_path / "old.db3") as database:
+        database.execute("DROP TABLE message_definitions")
+    database.close()
+    frame = open_log(tmp_path / "old.db3").read("/joints", ["effort[left]"])
+    assert frame["effort[left]"].to_list() == [0.0, 1.0, 2.0]
+
+
+def test_a_type_that_no_release_knows_costs_its_topic(tmp_path: Path) -> None:
+    write_db3(tmp_path / "old.db3", DRIVE[:3])
+    with sqlite3.connect(tmp_path / "old.db3") as database:
+        database.execute("DROP TABLE message_definitions")
+        database.execute("UPDATE topics SET type = 'own_msgs/msg/Boom'")
+    database.close()
+    problem = open_log(tmp_path / "old.db3").topics()["problem"][0]
+    assert problem.startswith("the log carries no definition of own_msgs/msg/Boom")
+
+
+def test_messages_still_in_the_write_ahead_log_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "live.db3"
+    write_db3(path, DRIVE[:3])
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA journal_mode = WAL")
+    database.execute("PRAGMA wal_autocheckpoint = 0")
+    database.execute(
+        "INSERT INTO messages (topic_id, timestamp, data) SELECT topic_id, 9999, data FROM messages"
+    )
+    database.commit()
+    with open_log(path) as log:
+        assert log.topics()["messages"].to_list() == [6]
+    database.close()
+
+
+def test_a_database_that_is_no_bag_is_refused(tmp_path: Path) -> None:
+    with sqlite3.connect(tmp_path / "other.db3") as database:
+        database.execute("CREATE TABLE poems (line TEXT)")
+    database.close()
+    with pytest.raises(LogError, match="should have the tables 'topics' and 'messages'"):
+        open_log(tmp_path / "other.db3")
+
+
+@pytest.mark.parametrize("share", [0.01, 0.2, 0.5, 0.9])
+def test_a_torn_database_is_a_loss_or_one_line(tmp_path: Path, share: float) -> None:
+    path = tmp_path / "torn.db3"
+    write_db3(path, DRIVE)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
+    with one_line_at_most(), open_log(path) as log:
+        log.read("/joints", [])
+        assert any("damaged" in loss.what for loss in log.losses())

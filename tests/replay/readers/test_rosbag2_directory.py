@@ -1,0 +1,99 @@
+"""rosbag2 directories: split, compressed, without metadata, with metadata that lies."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+
+from estimators.errors import LogError
+from replay import open_log
+from tests.replay.readers.one_line import one_line_at_most
+from tests.replay.readers.written_logs import Joints, write_mcap, write_rosbag2
+
+DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(30)]
+EFFORT = [float(k) for k in range(30)]
+
+
+@pytest.fixture
+def split(tmp_path: Path) -> Path:
+    """A recording in three files, whose names do not sort as text."""
+    folder = tmp_path / "shift"
+    folder.mkdir()
+    for number, part in zip((8, 9, 10), (DRIVE[:10], DRIVE[10:20], DRIVE[20:]), strict=True):
+        write_mcap(folder / f"shift_{number}.mcap", part)
+    return folder
+
+
+def metadata(folder: Path, *names: str) -> None:
+    lines = "".join(f"  - {name}\n" for name in names)
+    (folder / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n"
+        f"  version: 5\n  storage_identifier: mcap\n  relative_file_paths:\n{lines}"
+        "  topics_with_message_count:\n"
+        "  - message_count: 0\n    topic_metadata:\n      name: /silent\n"
+        "      type: std_msgs/msg/String\n      serialization_format: cdr\n"
+    )
+
+
+def test_without_metadata_the_files_are_read_in_the_order_of_their_numbers(split: Path) -> None:
+    log = open_log(split)
+    assert [file.name for file in log.files] == [f"shift_{n}.mcap" for n in (8, 9, 10)]
+    assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
+    assert log.losses() == ()
+
+
+def test_metadata_gives_the_order_and_the_topics_that_stayed_silent(split: Path) -> None:
+    metadata(split, "shift_8.mcap", "shift/shift_9.mcap", "shift_10.mcap")
+    log = open_log(split)
+    assert dict(log.topics().select("topic", "messages").rows()) == {"/joints": 30, "/silent": 0}
+    assert log.read("/silent", ["data"]).is_empty()
+    assert log.files[0].name == "metadata.yaml"
+
+
+def test_torn_metadata_is_a_loss_and_the_files_are_read(split: Path) -> None:
+    (split / "metadata.yaml").write_text("rosbag2_bagfile_information: [unclosed\n")
+    log = open_log(split)
+    assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
+    assert "files are taken by name" in log.losses()[0].what
+
+
+def test_a_missing_and_a_broken_file_are_losses_and_the_rest_is_read(split: Path) -> None:
+    metadata(split, "shift_8.mcap", "shift_9.mcap", "shift_10.mcap", "shift_11.mcap")
+    (split / "shift_8.mcap").write_bytes(b"not an mcap file")
+    log = open_log(split)
+    assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT[10:]
+    assert [loss.source for loss in log.losses()] == ["shift_8.mcap", "shift_11.mcap"]
+
+
+def test_when_no_file_can_be_read_the_directory_is_refused_in_one_line(split: Path) -> None:
+    for file in split.glob("*.mcap"):
+        file.write_bytes(b"")
+    with pytest.raises(LogError, match="none of its bag files can be read"):
+        open_log(split)
+
+
+@pytest.mark.parametrize("name", ["../secret.mcap", "/etc/secret.mcap", "a/../../secret.mcap"])
+def test_metadata_may_not_name_files_outside_its_folder(split: Path, name: str) -> None:
+    write_mcap(split.parent / "secret.mcap", DRIVE)
+    metadata(split, name)
+    with pytest.raises(LogError, match="outside its folder"):
+        open_log(split)
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+def test_compressed_files_and_messages_are_read(tmp_path: Path, mode: Any, storage: Any) -> None:
+    compression = {"mode": mode, "fmt": CompressionFormat.ZSTD}
+    write_rosbag2(tmp_path / "shift", DRIVE, storage, **compression)
+    with open_log(tmp_path / "shift") as log:
+        assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
+
+
+def test_a_torn_compressed_file_is_read_up_to_the_tear(tmp_path: Path) -> None:
+    compression = {"mode": CompressionMode.FILE, "fmt": CompressionFormat.ZSTD}
+    write_rosbag2(tmp_path / "shift", DRIVE, StoragePlugin.MCAP, **compression)
+    packed = next((tmp_path / "shift").glob("*.zstd"))
+    packed.write_bytes(packed.read_bytes()[:-50])
+    with one_line_at_most(), open_log(tmp_path / "shift") as log:
+        assert log.losses()

@@ -1,0 +1,141 @@
+"""Logs recorded by others, against rosbags' AnyReader, which decodes whole files."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from estimators.errors import LogError
+from replay import open_log
+
+#: Files that AnyReader reads as a whole, each with a topic and fields to compare.
+READABLE = {
+    "bags/example-bz2.bag": ("/turtle1/pose", ["x", "theta"]),
+    "bags/example-lz4.bag": ("/turtle1/cmd_vel", ["linear.x", "angular.z"]),
+    "bags/example-unsorted-chunks.bag": ("foo", ["data"]),
+    "bags/fake_joint_state.bag": ("/fake_joints_state", ["header.seq", "position[0]"]),
+    "bags/jackal_imu_odom.bag": ("/imu/data", ["angular_velocity.z", "orientation_covariance[8]"]),
+    "bags/rosbag2_test_0.db3": ("/imu", ["linear_acceleration.x", "header.frame_id"]),
+    "bags/talker.mcap": ("/rosout", ["level", "msg", "line"]),
+    "bags/tilt_laser.bag": ("/position_gps", ["latitude", "status.status"]),
+    "bags/wbag_0.mcap": ("AAA", ["data"]),
+    "logs/husky_asphalt.bag": ("/drives", ["effort[0]", "effort[1]"]),
+    "logs/husky_asphalt_ros2": ("/imu/data", ["linear_acceleration.x"]),
+    "logs/linear_axis.bag": ("/axis", ["position[0]", "effort[0]"]),
+    "logs/linear_axis_ros2": ("/axis", ["position[0]", "effort[0]"]),
+}
+
+
+@pytest.fixture(params=READABLE)
+def log_path(request: pytest.FixtureRequest, shared_data: Path) -> Path:
+    return shared_data / request.param
+
+
+def oracle(path: Path, topic: str) -> Iterator[tuple[int, Any]]:
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        for connection, time, data in reader.messages(reader.topics[topic].connections):
+            yield time, reader.deserialize(data, connection.msgtype)
+
+
+def value(message: Any, field: str) -> Any:
+    for step in field.replace("[", ".[").split("."):
+        message = message[int(step[1:-1])] if step[0] == "[" else getattr(message, step)
+    return message
+
+
+def test_topics_and_counts_are_those_of_anyreader(log_path: Path) -> None:
+    with AnyReader([log_path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+        expected = {name: (t.msgtype, t.msgcount) for name, t in reader.topics.items()}
+        ends = (reader.start_time, reader.end_time - 1)
+    log = open_log(log_path)
+    topics = log.topics()
+    found = {name: (kind, n) for name, kind, n in topics.select("topic", "type", "messages").rows()}
+    assert found == expected
+    assert (topics["start_ns"].min(), topics["end_ns"].max()) == ends
+    assert topics["problem"].null_count() == topics.height
+    assert log.losses() == ()
+
+
+def test_fields_are_those_of_anyreader(log_path: Path, shared_data: Path) -> None:
+    topic, fields = READABLE[str(log_path.relative_to(shared_data))]
+    frame = open_log(log_path).read(topic, fields)
+    messages = sorted(oracle(log_path, topic), key=lambda pair: pair[0])
+    assert frame["log_time_ns"].to_list() == [time for time, _ in messages]
+    for field in fields:
+        assert frame[field].to_list() == [value(message, field) for _, message in messages]
+    if hasattr(messages[0][1], "header"):
+        stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for _, m in messages]
+        assert frame["header_stamp_ns"].to_list() == stamps
+    else:
+        assert frame["header_stamp_ns"].null_count() == frame.height
+
+
+def test_every_leaf_that_is_no_list_can_be_read(log_path: Path) -> None:
+    log = open_log(log_path)
+    for topic, fields in log.topics().select("topic", "fields").iter_rows():
+        scalars = [field for field in fields if "[" not in field]
+        assert log.read(topic, scalars).columns[2:] == scalars
+
+
+def test_csv_bag_and_rosbag2_of_one_run_hold_the_same_samples(shared_data: Path) -> None:
+    logs = shared_data / "logs"
+    table = open_log(logs / "linear_axis.csv").read("table", ["position_m", "force_N"])
+    fields = ["position[slide]", "effort[slide]"]
+    for name in ("linear_axis.bag", "linear_axis_ros2"):
+        frame = open_log(logs / name).read("/axis", fields)
+        assert np.array_equal(
+            frame["log_time_ns"] - 1_700_000_000_000_000_000, table["log_time_ns"]
+        )
+        assert frame["header_stamp_ns"].equals(frame["log_time_ns"].alias("header_stamp_ns"))
+        assert frame.select(fields).rows() == table.select("position_m", "force_N").rows()
+
+
+def test_the_wheels_of_the_husky_are_found_by_name(shared_data: Path) -> None:
+    fields = ["velocity[left]", "velocity[right]", "effort[left]"]
+    frame = open_log(shared_data / "logs/husky_asphalt.bag").read("/drives", fields)
+    assert frame.height == 338
+    assert frame.select(pl.col(fields).null_count()).row(0) == (0, 0, 0)
+
+
+def test_service_events_cost_their_topic_only(shared_data: Path) -> None:
+    log = open_log(shared_data / "bags/topics_and_services.mcap")
+    problems = dict(log.topics().select("topic", "problem").rows())
+    assert problems["/parameter_events"] is None
+    assert "definition of a service" in problems["/add_two_ints/_service_event"]
+    assert log.read("/parameter_events", ["node"]).height == 7
+    assert [loss.topic for loss in log.losses()] == ["/add_two_ints/_service_event"]
+
+
+def test_definitions_that_are_placeholders_cost_their_topics_only(shared_data: Path) -> None:
+    log = open_log(shared_data / "bags/talker.db3")
+    assert log.read("/topic", ["data"])["data"][0] == "Hello, world! 0"
+    with pytest.raises(LogError, match="none of its 10 messages fits the definition"):
+        log.read("/rosout", [])
+
+
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("empty-file.bag", r"the file is empty \(0 bytes\)"),
+        # ten bytes of its only chunk are missing, so that its index points beside the records
+        ("example.bag", "the bag cannot be opened: Bag index looks damaged"),
+    ],
+)
+def test_files_that_cannot_be_read_say_why_in_one_line(
+    shared_data: Path, name: str, answer: str
+) -> None:
+    with pytest.raises(LogError, match=answer) as caught:
+        open_log(shared_data / "bags" / name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bag_without_messages_has_no_topics(shared_data: Path) -> None:
+    log = open_log(shared_data / "bags/no-messages.bag")
+    assert log.topics().is_empty()
+    with pytest.raises(LogError, match="no topic '/imu'; known: none"):
+        log.read("/imu", [])

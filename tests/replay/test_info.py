@@ -1,0 +1,69 @@
+"""What `info` says of a log."""
+
+import json
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+import pytest
+from rich.console import Console
+
+from estimators.errors import LogError
+from replay import open_log
+from replay.info import LogInfo, describe, render
+
+SANTIAGO = ZoneInfo("America/Santiago")
+
+
+def shown(info: LogInfo) -> str:
+    console = Console(width=200, color_system=None)
+    with console.capture() as capture:
+        console.print(render(info, SANTIAGO))
+    return capture.get()
+
+
+def test_every_bag_is_described_or_says_why_not(shared_data: Path) -> None:
+    refused = {}
+    for path in sorted((shared_data / "bags").iterdir()):
+        try:
+            info = describe(open_log(path))
+        except LogError as error:
+            refused[path.name] = str(error)
+            continue
+        text = shown(info)
+        assert all(topic in text for topic in info.topics["topic"])
+        assert json.loads(info.to_json())["messages"] == info.messages
+    assert set(refused) == {"empty-file.bag", "example.bag"}
+    assert all("\n" not in line for line in refused.values())
+
+
+def test_the_start_is_shown_in_local_time_and_in_seconds(shared_data: Path) -> None:
+    text = shown(describe(open_log(shared_data / "logs/husky_asphalt_ros2")))
+    assert "rosbag2 directory" in text
+    assert "from 2023-11-14 19:13:20 -03 (1700000000.000 s), 51.850 s, 5,524 messages" in text
+
+
+def test_a_clock_that_starts_at_boot_is_not_shown_as_a_date(shared_data: Path) -> None:
+    text = shown(describe(open_log(shared_data / "bags/jackal_imu_odom.bag")))
+    assert "from 47.580 s of the log's own clock" in text
+    assert "1970" not in text
+
+
+def test_topics_without_a_decoder_are_named_once_with_the_reason(shared_data: Path) -> None:
+    text = shown(describe(open_log(shared_data / "bags/topics_and_services.mcap")))
+    assert text.count("! /add_two_ints/_service_event: the log holds the definition") == 1
+    assert "! /add_two_ints2/_service_event (no messages): the log holds" in text
+
+
+def test_a_log_without_messages_says_so(tmp_path: Path) -> None:
+    (tmp_path / "empty.csv").write_text("time_s,force_N\n")
+    info = describe(open_log(tmp_path / "empty.csv"))
+    assert (info.messages, info.start_ns, info.duration_s) == (0, None, None)
+    assert "no messages" in shown(info)
+    assert json.loads(info.to_json())["duration_s"] is None
+
+
+def test_a_table_is_described_with_its_rate_gap_and_damage(tmp_path: Path) -> None:
+    (tmp_path / "shift.csv").write_text("time_s,a\n0,1\n1,2\n,3\n4,5\n")
+    info = describe(open_log(tmp_path / "shift.csv"))
+    assert info.topics["longest_gap_s"].to_list() == pytest.approx([3.0])
+    assert "! shift.csv: 1 of 4 rows have no time: dropped" in shown(info)
