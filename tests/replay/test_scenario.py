@@ -54,6 +54,8 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
         ("machine = 3", "machine: input should be a valid dictionary"),
         ("[terrain]\nslope_deg = 15", "campaign.throttle_force_N: reaches 6000 N"),
         ("[machine]\na = 1\nb = 2", "(and 1 more)"),
+        ('["a\\nb"]', "unknown key 'a b'"),
+        (f"[sensors]\nseed = {'9' * 5000}", "is no TOML"),
         ("[machine\n", "is no TOML"),
     ],
 )
