@@ -17,7 +17,7 @@ def calibrate(estimates: pl.DataFrame) -> pl.DataFrame:
 
     Args:
         estimates: a row a method and run: `method`, `load_kg`, `reference_kg` (machine and load)
-            and `mass_kg`, null or NaN where the run gave none.
+            and `mass_kg`, null (or not finite) where the run gave none.
 
     Returns:
         The frame `calibration` of the schema: a row a method and load, methods in their order of
@@ -29,7 +29,8 @@ def calibrate(estimates: pl.DataFrame) -> pl.DataFrame:
         Equation (19), by least squares on load means: on single runs the noise of the estimates
         would flatten the line.
     """
-    mass = pl.col("mass_kg").cast(pl.Float64).fill_nan(None)
+    mass = pl.col("mass_kg").cast(pl.Float64)
+    mass = pl.when(mass.is_finite()).then(mass)
     means = (
         estimates.group_by("method", "load_kg", "reference_kg", maintain_order=True)
         .agg(runs=mass.count(), estimate_kg=mass.mean(), estimate_std_kg=mass.std())

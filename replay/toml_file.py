@@ -1,5 +1,6 @@
 """TOML files into models, with errors of one line that name the key and the nearest known one."""
 
+import reprlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,7 +31,7 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
         raise error(f"{path}: cannot be read ({fault.strerror})") from None
     except UnicodeDecodeError:
         raise error(f"{path}: is no TOML: not UTF-8") from None
-    except tomllib.TOMLDecodeError as fault:
+    except ValueError as fault:  # a TOMLDecodeError, or a number of thousands of digits
         raise error(f"{path}: is no TOML: {fault}") from None
 
 
@@ -59,9 +60,10 @@ def explain(fault: ValidationError, model: type[BaseModel]) -> str:
         text = f"{key}: is missing"
     else:
         message = first["msg"]
-        text = f"{key}: {message[:1].lower()}{message[1:]}, not {first['input']!r}"
+        text = f"{key}: {message[:1].lower()}{message[1:]}, not {reprlib.repr(first['input'])}"
     others = len(details) - 1
-    return f"{text} (and {others} more)" if others else text
+    # a quoted key may hold line breaks
+    return " ".join(f"{text} (and {others} more)".split() if others else text.split())
 
 
 def _keys(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:

@@ -91,7 +91,7 @@ class _Timeline:
 
     def stamps_ns(self) -> NDArray[np.int64]:
         period_ns = 1e9 / self.scenario.sensors.rate_hz
-        samples = int((self.end_ns - self.start_ns) / period_ns) + 1
+        samples = math.ceil((self.end_ns - self.start_ns) / period_ns)
         return self.start_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
 
     def run(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -99,8 +99,8 @@ class _Timeline:
         return np.clip((time_ns - self.start_ns) // self.period_ns, 0, self.runs)
 
     def channels(self, time_ns: NDArray[np.int64]) -> Channels:
-        last_ns = np.minimum(self.run(time_ns), self.runs - 1) * self.period_ns
-        return self.motion.sample((time_ns - self.start_ns - last_ns) * np.float64(1e-9))
+        run_start_ns = np.minimum(self.run(time_ns), self.runs - 1) * self.period_ns
+        return self.motion.sample((time_ns - self.start_ns - run_start_ns) * np.float64(1e-9))
 
 
 def _truth(scenario: Scenario, timeline: _Timeline, load_kg: float) -> pl.DataFrame:

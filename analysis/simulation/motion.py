@@ -85,11 +85,11 @@ class Dynamics:
         self,
         name: str,
         start_s: float,
-        end_s: float,
+        end_s: float | None,
         start: Floats,
         command_N: tuple[float, float],
     ) -> Phase:
-        """Move from the state `start` (3,) until `end_s`, or a stop.
+        """Move from the state `start` (3,) until `end_s`, or without one until the machine stands.
 
         `command_N` are the drive and brake force that the operator asks for throughout.
         """
@@ -101,13 +101,13 @@ class Dynamics:
 
         solution = solve_ivp(
             rates,
-            (start_s, end_s),
+            (start_s, start_s + _LONGEST_STOP_S if end_s is None else end_s),
             start,
             method="DOP853",
             rtol=1e-12,
             atol=1e-12,
             dense_output=True,
-            events=_Stop(),
+            events=_Stop() if end_s is None else None,
         )
         assert solution.sol is not None
         return Phase(name, start_s, float(solution.t[-1]), solution.sol)
@@ -143,8 +143,9 @@ class Motion:
         state[2] = -self.dynamics.slope_force_N
         for phase in self.phases:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
-            name[inside] = phase.name
-            state[:, inside] = phase.state(time_s[inside])
+            if inside.any():  # a short phase may fall between two samples
+                name[inside] = phase.name
+                state[:, inside] = phase.state(time_s[inside])
         speed, drive, brake = state[0], state[1], state[2]
         acceleration = self.dynamics.acceleration(drive - brake, speed)
         return Channels(
@@ -190,7 +191,7 @@ def solve_run(scenario: Scenario, load_kg: float) -> Motion:
     braking = dynamics.move(
         "braking",
         braking_s,
-        braking_s + _LONGEST_STOP_S,
+        None,
         _at(cruising, braking_s),
         (0.0, mass_kg * campaign.braking_m_s2),
     )

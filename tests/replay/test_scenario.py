@@ -1,0 +1,74 @@
+"""Scenario files."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from analysis.simulation import Scenario
+from estimators.errors import ScenarioError
+from replay.scenario import load_scenario
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "campaign.toml"
+
+
+def refusal(tmp_path, text):
+    path = tmp_path / "campaign.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    message = str(caught.value)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+    return message
+
+
+def test_the_example_states_every_default():
+    assert load_scenario(EXAMPLE) == Scenario()
+    stated = tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
+    defaults = Scenario().model_dump()
+    assert {name: set(section) for name, section in stated.items()} == {
+        name: set(section) for name, section in defaults.items()
+    }
+
+
+def test_an_empty_file_is_the_papers_campaign(tmp_path):
+    path = tmp_path / "empty.toml"
+    path.touch()
+    assert load_scenario(path) == Scenario()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[machin]\nmass_kg = 1", "unknown key 'machin'; did you mean 'machine'?"),
+        ("[machine]\nmas_kg = 1", "unknown key 'machine.mas_kg'; did you mean 'mass_kg'?"),
+        ("[terrain]\nzzz = 1", "unknown key 'terrain.zzz'; known: gravity_m_s2, slope_deg"),
+        (
+            "[campaign]\nruns = 0",
+            "campaign.runs: input should be greater than or equal to 1, not 0",
+        ),
+        ("[campaign]\nruns = 'nine'", "campaign.runs: input should be a valid integer"),
+        ("[campaign]\nloads_kg = [0, 'x']", "campaign.loads_kg.1: input should be a valid number"),
+        ("[campaign]\nloads_kg = [5, 5]", "campaign.loads_kg: a load appears twice"),
+        ("machine = 3", "machine: input should be a valid dictionary"),
+        ("[terrain]\nslope_deg = 15", "campaign.throttle_force_N: reaches 6000 N"),
+        ("[machine]\na = 1\nb = 2", "(and 1 more)"),
+        ('["a\\nb"]', "unknown key 'a b'"),
+        (f"[sensors]\nseed = {'9' * 5000}", "is no TOML"),
+        ("[machine\n", "is no TOML"),
+    ],
+)
+def test_a_wrong_scenario_is_refused_in_one_line_that_names_the_key(tmp_path, text, says):
+    assert says in refusal(tmp_path, text)
+
+
+def test_what_is_no_text_file_is_refused(tmp_path):
+    binary = tmp_path / "campaign.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ScenarioError, match="not UTF-8"):
+        load_scenario(binary)
+    with pytest.raises(ScenarioError, match=r"cannot be read \(Is a directory\)"):
+        load_scenario(tmp_path)
+    with pytest.raises(ScenarioError, match=r"cannot be read \(No such file or directory\)"):
+        load_scenario(tmp_path / "none.toml")
