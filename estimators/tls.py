@@ -1,8 +1,8 @@
 """Total least squares over sliding windows, on columns scaled by their noise.
 
 On raw units TLS explodes where units differ; with every column of [A f] divided by its noise the
-smallest singular direction of the stacked window is the estimate; where the noise-free part of A is
-singular (too little motion for its noise) there is none, and θ is NaN. From the Gram matrix: θ solves
+smallest singular direction of the stacked window is the estimate; where A without its noise is
+singular (too little motion) there is none, and θ is NaN. From the Gram matrix: θ solves
 (G - λI) θ = h with λ the smallest root of φ(λ) = fᵀf - λ - hᵀ(G - λI)⁻¹h.
 """
 

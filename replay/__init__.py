@@ -1,5 +1,25 @@
-"""Replay: logs in, pipeline, command line."""
+"""Replay: logs in, pipeline, command line.
 
-from replay.readers import Log, TimeAxis, open_log
+    from replay import load_machine, open_log, run
 
-__all__ = ["Log", "TimeAxis", "open_log"]
+Names are resolved when first used, so that the command line starts before NumPy does.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from replay.machine import load_machine
+    from replay.pipeline import run
+    from replay.readers import Log, TimeAxis, open_log
+
+__all__ = ["Log", "TimeAxis", "load_machine", "open_log", "run"]
+
+_HOMES = {"load_machine": "replay.machine", "run": "replay.pipeline"}
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    if name not in __all__:
+        raise AttributeError(f"module 'replay' has no attribute '{name}'")
+    return getattr(import_module(_HOMES.get(name, "replay.readers")), name)

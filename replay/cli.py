@@ -1,0 +1,58 @@
+"""The command line: `payscope COMMAND`. Data on stdout, messages on stderr.
+
+Exit status: 0 done; 1 the answer is no (cannot weigh); 2 bad input or usage, with one line that
+says which file, what is wrong and what to do.
+"""
+
+import os
+import sys
+
+import typer
+
+from estimators.errors import PayscopeError
+from replay.commands import demo, info, init, plot, run, show, simulate, view
+
+app = typer.Typer(
+    name="payscope",
+    help="Weigh robotic loaders from their recorded logs, and show every step of the answer.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _command in (demo, info, init, run, show, plot, view, simulate):
+    app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
+
+
+@app.callback(invoke_without_command=True)
+def _version(
+    version: bool = typer.Option(False, "--version", help="Show the version and leave."),
+) -> None:
+    if version:
+        from importlib.metadata import version as version_of
+
+        typer.echo(f"payscope {version_of('payscope')}")
+        raise typer.Exit
+
+
+def main() -> None:
+    """Run the command line and leave with its exit status."""
+    try:
+        status = app(standalone_mode=False)
+        sys.stdout.flush()
+    except PayscopeError as error:
+        status = _fail(str(error))
+    except typer.TyperException as error:
+        status = _fail(error.format_message() or "see payscope --help")
+    except (KeyboardInterrupt, typer.Abort):
+        status = 130
+    except BrokenPipeError:
+        # whoever read our output has closed it (`| head`): leave quietly
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    sys.exit(status or 0)
+
+
+def _fail(line: str) -> int:
+    typer.echo(f"payscope: {' '.join(line.split())}", err=True)
+    return 2

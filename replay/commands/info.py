@@ -1,0 +1,40 @@
+"""`payscope info`: what is in a log."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    logs: Annotated[list[Path], typer.Argument(help="Logs to describe.")],
+    time: Annotated[str | None, typer.Option(help="The time column of a table.")] = None,
+    time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
+    timezone: Annotated[str, typer.Option(help="The time zone to read times in.")] = "UTC",
+    as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
+) -> None:
+    """Show topics, types, counts, rates, gaps and damage, without decoding the messages."""
+    from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+    from rich.console import Console
+
+    from replay.commands.printing import print_json
+    from replay.info import describe, render
+    from replay.readers import TimeAxis, open_log
+
+    try:
+        zone = ZoneInfo(timezone)
+    except (ZoneInfoNotFoundError, ValueError):
+        raise typer.BadParameter(
+            f"no time zone '{timezone}'; use a name like America/Santiago or UTC"
+        ) from None
+    described: list[object] = []
+    for path in logs:
+        with open_log(path, time=TimeAxis(time, time_unit) if time else None) as log:
+            shown = describe(log)
+        if as_json:
+            described.append(shown.to_dict())
+        else:
+            Console(highlight=False, soft_wrap=False).print(render(shown, zone))
+    if as_json:
+        print_json(described[0] if len(described) == 1 else described)

@@ -1,0 +1,112 @@
+"""Stages of a recording as tables, CSV, JSON or Parquet."""
+
+import io
+import sys
+from pathlib import Path
+
+import polars as pl
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from analysis.schema import FRAMES, Frame
+from estimators.errors import OutputError, RecordingError, nearest
+from recordings import read_frame, read_provenance, stages
+from recordings.output import whole_file
+from replay.commands.printing import json_text
+
+#: A table on a screen shows its ends; --format csv or -o gives every row.
+_ROWS_SHOWN = 40
+
+
+def list_stages(recording: Path, output_format: str) -> None:
+    """Print the recording's stages with their rows and columns."""
+    held = stages(recording)
+    if output_format == "json":
+        typer.echo(json_text(held))
+        return
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("stage", no_wrap=True)
+    table.add_column("columns", overflow="fold")
+    for name, columns in held.items():
+        table.add_row(name, " ".join(columns))
+    Console(highlight=False).print(table)
+
+
+def show_stage(
+    recording: Path,
+    stage: str,
+    start_s: float | None,
+    end_s: float | None,
+    output_format: str,
+    output: Path | None,
+    *,
+    force: bool,
+) -> None:
+    """Print one stage, or write it to `output`.
+
+    Raises:
+        RecordingError: the recording has no such stage.
+        OutputError: Parquet to a screen, or an output that cannot be written.
+    """
+    held = stages(recording)
+    if stage not in held:
+        raise RecordingError(f"{recording}: no stage '{stage}'; {nearest(stage, held)}")
+    if output_format == "parquet" and output is None:
+        raise OutputError("Parquet is not for a screen: name a file with -o")
+    frame = _between(recording, stage, read_frame(recording, stage), start_s, end_s)
+    if output is None:
+        _print(frame, output_format)
+        return
+    with whole_file(output, force=force) as partial:
+        match output_format:
+            case "parquet":
+                frame.write_parquet(partial)
+            case "json":
+                partial.write_text(json_text(frame.to_dicts()) + "\n", encoding="utf-8")
+            case _:
+                frame.write_csv(partial)
+
+
+def _between(
+    recording: Path, stage: str, frame: pl.DataFrame, start_s: float | None, end_s: float | None
+) -> pl.DataFrame:
+    """The rows from one second to another, counted from the start of the run."""
+    if start_s is None and end_s is None:
+        return frame
+    column = _time_column(stage)
+    if column is None:
+        raise RecordingError(f"{recording}: stage '{stage}' has no time to cut by")
+    zero_ns = read_provenance(recording).t0_unix_ns if column == "log_time_ns" else 0
+    seconds = (pl.col(column) - zero_ns) / 1e9
+    if start_s is not None:
+        frame = frame.filter(seconds >= start_s)
+    if end_s is not None:
+        frame = frame.filter(seconds <= end_s)
+    return frame
+
+
+def _time_column(stage: str) -> str | None:
+    if stage.startswith("raw/"):
+        return "log_time_ns"
+    declared: Frame = FRAMES[stage.partition("/")[0]]
+    return declared.time_column
+
+
+def _print(frame: pl.DataFrame, output_format: str) -> None:
+    match output_format:
+        case "csv":
+            frame.write_csv(sys.stdout.buffer)
+        case "json":
+            typer.echo(json_text(frame.to_dicts()))
+        case _:
+            text = io.StringIO()
+            with pl.Config(
+                tbl_rows=_ROWS_SHOWN,
+                tbl_cols=-1,
+                tbl_width_chars=Console().width,
+                fmt_str_lengths=60,
+                tbl_hide_column_data_types=True,
+            ):
+                print(frame, file=text)
+            typer.echo(text.getvalue(), nl=False)

@@ -1,0 +1,24 @@
+"""`payscope simulate`: logs with known truth."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    scenario: Annotated[Path, typer.Argument(help="A scenario file (TOML).")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", help="The log: .bag, .mcap, .csv, or no suffix for rosbag2."
+        ),
+    ],
+    force: Annotated[bool, typer.Option(help="Replace existing logs.")] = False,
+) -> None:
+    """Simulate a scenario as real logs, one a load, with the truth beside each."""
+    from replay.scenario import load_scenario
+    from replay.simulate import simulate
+
+    for path in simulate(load_scenario(scenario), output, force=force):
+        typer.echo(str(path))
