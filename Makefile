@@ -26,7 +26,7 @@ tests: $(TEST_STAMP) ## the tests alone
 	$(BIN)/python -m pytest
 
 $(BIN)/python:
-	$(PYTHON) .ci/venv.py .venv
+	$(PYTHON) .ci/make_environment.py .venv
 
 $(RUN_STAMP): requirements.lock pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock

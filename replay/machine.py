@@ -11,6 +11,7 @@ from analysis.units import to_si
 from estimators.errors import MachineError
 from replay.toml_file import read_toml, validate
 
+_SHIPPED = Path(__file__).parent / "machines"
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
 
@@ -18,13 +19,13 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     """Read a machine file.
 
     Args:
-        path: a TOML file.
+        path: a TOML file, or the name of one that payscope ships (`cat262c.toml`).
         overrides: `key=value` with dotted keys, values as TOML writes them (a bare word is text).
 
     Raises:
         MachineError: one line with the file, the fault, the choices and the remedy.
     """
-    path = Path(path)
+    path = machine_path(Path(path))
     content = read_toml(path, MachineError)
     for override in overrides:
         _override(content, override)
@@ -37,6 +38,12 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         except MachineError as error:
             raise MachineError(f"{path}: channels.{name}: {error}") from error
     return machine
+
+
+def machine_path(path: Path) -> Path:
+    """The file itself, or the shipped machine file of that name where there is no such file."""
+    shipped = _SHIPPED / path.name
+    return shipped if not path.exists() and path == Path(path.name) and shipped.exists() else path
 
 
 def _override(content: dict[str, Any], override: str) -> None:

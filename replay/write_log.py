@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from analysis.simulation import SimulatedLog
 from estimators.errors import OutputError
+from recordings.output import staged
 from replay.writers import csv, mcap, rosbag1, rosbag2
-from replay.writers.staging import staged
 
 #: A rosbag2 directory has no suffix.
 WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {

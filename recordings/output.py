@@ -20,16 +20,7 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     Raises:
         OutputError: a target is there already, or their folder cannot be written to.
     """
-    folder = targets[0].parent
-    try:
-        for target in targets:
-            _refuse_to_overwrite(target, force=force)
-        stage = Path(tempfile.mkdtemp(prefix=".payscope-", dir=folder))
-    except OSError as error:
-        raise OutputError(
-            f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
-            "name a folder that is there and that you may write in"
-        ) from None
+    stage = _stage(targets, force=force)
     try:
         yield stage
         for target in targets:
@@ -38,6 +29,35 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
         raise OutputError(f"{targets[0]}: cannot be written ({error.strerror})") from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)
+
+
+@contextmanager
+def whole_file(target: Path, *, force: bool) -> Generator[Path]:
+    """A name to write one file under; it moves to `target` when it is whole."""
+    with staged([target], force=force) as stage:
+        yield stage / target.name
+
+
+def check_output(target: Path, *, force: bool) -> None:
+    """Refuse an output before the work that it is for, rather than after.
+
+    Raises:
+        OutputError: the target is there already, or its folder cannot be written to.
+    """
+    _stage([target], force=force).rmdir()
+
+
+def _stage(targets: Sequence[Path], *, force: bool) -> Path:
+    folder = targets[0].parent
+    try:
+        for target in targets:
+            _refuse_to_overwrite(target, force=force)
+        return Path(tempfile.mkdtemp(prefix=".payscope-", dir=folder))
+    except OSError as error:
+        raise OutputError(
+            f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
+            "name a folder that is there and that you may write in"
+        ) from None
 
 
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:

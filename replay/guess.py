@@ -1,0 +1,175 @@
+"""A first machine file from what a log holds: the guesses of `payscope init`.
+
+A guess is made only where a message type or a column's name leaves little doubt; everything else
+that is numeric is listed as a comment to choose from.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import polars as pl
+
+from analysis.schema import CHANNEL_COLUMNS
+from replay.readers.protocol import Log
+
+_COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
+
+#: By message type (its last part): the columns that its fields fill.
+_BY_TYPE: dict[str, dict[str, str]] = {
+    "Imu": {
+        "specific_force_x_m_s2": "linear_acceleration.x",
+        "specific_force_y_m_s2": "linear_acceleration.y",
+        "specific_force_z_m_s2": "linear_acceleration.z",
+        "roll_rate_rad_s": "angular_velocity.x",
+        "pitch_rate_rad_s": "angular_velocity.y",
+        "yaw_rate_rad_s": "angular_velocity.z",
+    },
+    "Odometry": {"speed_x_m_s": "twist.twist.linear.x"},
+    "TwistStamped": {"speed_x_m_s": "twist.linear.x"},
+    "Twist": {"speed_x_m_s": "linear.x"},
+    "NavSatFix": {"latitude_deg": "latitude", "longitude_deg": "longitude"},
+    "WrenchStamped": {"force_x_N": "wrench.force.x", "torque_z_N_m": "wrench.torque.z"},
+}
+#: Short names that people give their tables' columns.
+_SHORT = {
+    "position_m": "position_x_m",
+    "speed_m_s": "speed_x_m_s",
+    "velocity_m_s": "speed_x_m_s",
+    "force_N": "force_x_N",
+    "acceleration_m_s2": "acc_x_m_s2",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Guess:
+    """One channel: the topic (None in a table) and the field that fill a column."""
+
+    column: str
+    topic: str | None
+    field: str
+
+
+def machine_file(log: Log, time: str | None) -> tuple[str, list[str]]:
+    """Write a machine file for a log.
+
+    Args:
+        log: an opened log.
+        time: the time column of a table, where it was given.
+
+    Returns:
+        The file's text, and what it still lacks before `run` can use it, a sentence each.
+    """
+    topics = log.topics()
+    guesses = list(_guesses(log, topics))
+    found = {guess.column for guess in guesses}
+    derived = _derivations(found)
+    found |= set(derived)
+    kinematic = "specific_force_x_m_s2" not in found
+    lacking = _lacking(found, kinematic=kinematic)
+    lines = [
+        f"# A first machine file for {log.path.name}: check every line of it.",
+        "",
+        "[machine]",
+        f'name = "{log.path.stem}"',
+        "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
+        "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
+        "# track_width_m = 1.5          # for the yaw torque (18)",
+        "force_share = 1.0              # share of the force that the measured wheels carry",
+        'timezone = "UTC"               # what a person reads times in',
+        "",
+    ]
+    if "table" in set(topics["topic"]) and time is not None:
+        lines += ["[log]", f'time = "{time}"', ""]
+    for guess in guesses:
+        lines.append(f"[channels.{guess.column}]")
+        if guess.topic is not None:
+            lines.append(f'topic = "{guess.topic}"')
+        lines += [
+            f'field = "{guess.field}"',
+            f"# in {_COLUMNS[guess.column].unit}; else unit =",
+            "",
+        ]
+    for column, formula in derived.items():
+        lines += [f"[channels.{column}]", f'derive = "{formula}"', ""]
+    lines += [f"# missing: {sentence}" for sentence in lacking]
+    lines += ["", *_others(topics, guesses), "", "[settings]"]
+    lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
+    return "\n".join(lines) + "\n", lacking
+
+
+def _guesses(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
+    taken: set[str] = set()
+    for guess in _candidates(log, topics):
+        if guess.column not in taken:
+            taken.add(guess.column)
+            yield guess
+
+
+def _candidates(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
+    for row in topics.sort("messages", descending=True).to_dicts():
+        if row["problem"] or not row["messages"]:
+            continue
+        kind = row["type"].rpartition("/")[2]
+        fields = set(row["fields"])
+        if row["topic"] == "table":
+            for field in row["fields"]:
+                column = _SHORT.get(field, field)
+                if column in _COLUMNS:
+                    yield Guess(column, None, field)
+        elif kind == "JointState":
+            yield from _joints(log, row["topic"])
+        for column, field in _BY_TYPE.get(kind, {}).items():
+            if field in fields:
+                yield Guess(column, row["topic"], field)
+
+
+def _joints(log: Log, topic: str) -> Iterator[Guess]:
+    """A side's effort is its torque and its velocity its speed; one joint alone is an axis."""
+    first = log.read(topic, [f"name[{i}]" for i in range(8)]).head(1)
+    names = [x for x in first.select(pl.exclude("log_time_ns", "header_stamp_ns")).row(0) if x]
+    for side in ("left", "right"):
+        of_side = [name for name in names if side in name.lower()]
+        if len(of_side) == 1:
+            yield Guess(f"torque_{side}_N_m", topic, f"effort[{of_side[0]}]")
+            yield Guess(f"speed_{side}_m_s", topic, f"velocity[{of_side[0]}]")
+    if len(names) == 1:
+        yield Guess("position_x_m", topic, f"position[{names[0]}]")
+        yield Guess("force_x_N", topic, f"effort[{names[0]}]")
+
+
+def _derivations(found: set[str]) -> dict[str, str]:
+    derived: dict[str, str] = {}
+    if "speed_x_m_s" not in found:
+        if {"speed_left_m_s", "speed_right_m_s"} <= found:
+            derived["speed_x_m_s"] = "mean(speed_left_m_s, speed_right_m_s)"
+        elif "position_x_m" in found:
+            derived["speed_x_m_s"] = "d/dt position_x_m"
+    has_speed = "speed_x_m_s" in found or "speed_x_m_s" in derived
+    if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & found:
+        derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
+    return derived
+
+
+def _lacking(found: set[str], *, kinematic: bool) -> list[str]:
+    lacking: list[str] = []
+    if "force_x_N" not in found and not {"torque_left_N_m", "torque_right_N_m"} <= found:
+        lacking.append("a force: channels.force_x_N, or both wheel torques")
+    elif "force_x_N" not in found:
+        lacking.append("machine.wheel_radius_m, which turns wheel torques into a force")
+    if "speed_x_m_s" not in found:
+        lacking.append("a speed: channels.speed_x_m_s, if need be derived from a position")
+    if kinematic and "acc_x_m_s2" not in found:
+        lacking.append("an acceleration: channels.specific_force_x_m_s2 or channels.acc_x_m_s2")
+    return lacking
+
+
+def _others(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
+    used = {(guess.topic or "table", guess.field.partition("[")[0]) for guess in guesses}
+    yield "# Also in the log:"
+    for row in topics.to_dicts():
+        rest = [f for f in row["fields"] or [] if (row["topic"], f.partition("[")[0]) not in used]
+        if row["problem"]:
+            yield f"#   {row['topic']} ({row['type']}): {row['problem']}"
+        elif rest:
+            shown = ", ".join(rest[:12]) + (", …" if len(rest) > 12 else "")
+            yield f"#   {row['topic']} ({row['type']}, {row['messages']} messages): {shown}"
