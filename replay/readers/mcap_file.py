@@ -1,6 +1,7 @@
 """The container of an MCAP file: by its index where that is whole, else from start to end."""
 
 import struct
+import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
@@ -21,6 +22,8 @@ from estimators.errors import LogError
 from replay.readers.container import BROKEN_BYTES, Connection, LossList, RawMessage, no_times
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
+#: opcode, length, start of the summary, start of its offsets, CRC of the summary
+_FOOTER: Final = struct.Struct("<BQQQI")
 _DAMAGE: Final = (McapError, ZstdError, *BROKEN_BYTES)
 _INT64_MAX: Final = 2**63 - 1
 
@@ -77,11 +80,20 @@ class McapFile:
         return {key: np.array(values, np.int64) for key, values in times.items()}
 
     def _summary(self) -> Summary | None:
-        self._file.seek(0)
+        """The summary section; None where there is none, or it is damaged."""
         try:
-            return SeekingReader(self._file, record_size_limit=self._size).get_summary()
+            self._file.seek(0)
+            summary = SeekingReader(self._file, record_size_limit=self._size).get_summary()
+            self._file.seek(self._size - _FOOTER.size - len(_MAGIC))
+            _, _, start, _, crc = _FOOTER.unpack(self._file.read(_FOOTER.size))
+            if crc:  # 0 says that the writer computed none
+                self._file.seek(start)
+                covered = self._size - len(_MAGIC) - 4 - start
+                if zlib.crc32(self._file.read(max(covered, 0))) != crc:
+                    return None
         except _DAMAGE:
             return None
+        return summary
 
     def _indexed_times(self, summary: Summary) -> dict[int, NDArray[np.int64]] | None:
         """Log times a channel from the message indexes; None unless they account for all."""
@@ -141,24 +153,32 @@ class McapFile:
 
     def _load(self, chunks: Iterator[ChunkIndex]) -> Iterator[McapRecord]:
         for chunk in chunks:
-            self._file.seek(chunk.chunk_start_offset + 9)
             try:
+                self._file.seek(chunk.chunk_start_offset)
+                opcode, length = struct.unpack("<BQ", self._file.read(9))
+                if opcode != Opcode.CHUNK or length + 9 != chunk.chunk_length:
+                    raise McapError("the index points beside it")
                 yield Chunk.read(ReadDataStream(self._file))
             except _DAMAGE as error:
                 self._lose_chunk(chunk, error)
 
     def _scan(self) -> Iterator[McapRecord]:
-        """Top-level records from the start of the file to its end, or to where it is torn."""
+        """Top-level records from the start of the file to its end, or to where it is torn.
+
+        A tear in the summary, behind the end of the data, costs nothing.
+        """
         self._file.seek(0)
         reader = StreamReader(self._file, emit_chunks=True, record_size_limit=self._size)
-        whole = len(_MAGIC)
+        whole, data_ended = len(_MAGIC), False
         try:
             for record in reader.records:
                 yield record
                 whole = self._file.tell()
-                if isinstance(record, DataEnd):
-                    return
+                if isinstance(record, DataEnd | Chunk | Message):
+                    data_ended = isinstance(record, DataEnd)
         except _DAMAGE:
+            if data_ended:
+                return
             self.losses.note(
                 self._path,
                 f"breaks off after byte {whole} of {self._size}, without a footer: "
