@@ -14,7 +14,8 @@ from analysis.verdict import can_weigh
 def answer(run: Run) -> dict[str, Any]:
     """What `payscope run --json` gives, without the recording's path.
 
-    `accepted_share` is the share of samples that lie in an accepted window.
+    Masses, payloads and frictions are given by method. `accepted_share` is the share of samples
+    that lie in an accepted window.
     """
     by_method = {row["method"]: row for row in run.frames["masses"].to_dicts()}
     judged = run.frames["verdict"]
@@ -23,7 +24,8 @@ def answer(run: Run) -> dict[str, Any]:
     return {
         **{
             name: {method: row[name] for method, row in by_method.items()}
-            for name in ("mass_kg", "mass_std_kg", "payload_kg")
+            for name in run.frames["masses"].columns
+            if name not in ("method", "rows", "withheld")
         },
         "accepted_share": float(used.mean()) if used.size else 0.0,
         "verdict": {"can_weigh": can_weigh(judged), "checks": judged.to_dicts()},

@@ -106,7 +106,7 @@ def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> 
     frame = pl.DataFrame(
         {
             "check": checks,
-            "value": pl.Series(numbers, dtype=pl.Float64, nan_to_null=True),
+            "value": pl.Series(numbers, dtype=pl.Float64).fill_nan(None),
             "minimum": pl.Series(minima, dtype=pl.Float64),
             "maximum": pl.Series(maxima, dtype=pl.Float64),
             "meaning": meanings,

@@ -16,6 +16,7 @@ from analysis.runs import run_estimates
 from analysis.simulation import Scenario
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
+from replay.commands.printing import plain_table
 from replay.machine import load_machine, machine_path
 from replay.pipeline import run
 from replay.readers import open_log
@@ -97,25 +98,11 @@ def _true_runs(logs: list[Path]) -> pl.DataFrame:
 def render(result: Demo) -> "RenderableType":
     """Lay the result out for a terminal."""
     from rich.console import Group
-    from rich.table import Table
 
-    loads = Table(
-        title="Pooled least squares, means of nine runs, calibrated by (19)",
-        title_justify="left",
-        box=None,
-        pad_edge=False,
-        padding=(0, 2, 0, 0),
+    loads = plain_table(
+        "load kg", "runs", "estimate kg", "± kg a run", "calibrated kg", "error kg", "left out kg"
     )
-    for title in (
-        "load kg",
-        "runs",
-        "estimate kg",
-        "± kg a run",
-        "calibrated kg",
-        "error kg",
-        "left out kg",
-    ):
-        loads.add_column(title, justify="right")
+    loads.title = "Pooled least squares, means of nine runs, calibrated by (19)"
     for row in result.calibration.filter(pl.col("method") == "pooled").iter_rows(named=True):
         numbers = (
             row["estimate_kg"],
@@ -125,15 +112,10 @@ def render(result: Demo) -> "RenderableType":
             row["error_left_out_kg"],
         )
         loads.add_row(f"{row['load_kg']:.0f}", str(row["runs"]), *map(_kg, numbers))
-    methods = Table(
-        title="Root mean square errors of the load means",
-        title_justify="left",
-        box=None,
-        pad_edge=False,
-        padding=(0, 2, 0, 0),
-    )
-    for title in ("method", "in-sample kg", "one load left out kg", "of the load range"):
-        methods.add_column(title, justify="left" if title == "method" else "right")
+    methods = plain_table("method", "in-sample kg", "one load left out kg", "of the load range")
+    methods.title = "Root mean square errors of the load means"
+    for table in (loads, methods):
+        table.title_justify = "left"
     for row in result.errors.iter_rows(named=True):
         left_out = row["rmse_left_out_kg"]
         share = None if left_out is None else left_out / row["load_range_kg"]

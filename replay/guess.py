@@ -4,6 +4,7 @@ A guess is made only where a message type or a column's name leaves little doubt
 that is numeric is listed as a comment to choose from.
 """
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -67,10 +68,11 @@ def machine_file(log: Log, time: str | None) -> tuple[str, list[str]]:
     kinematic = "specific_force_x_m_s2" not in found
     lacking = _lacking(found, kinematic=kinematic)
     lines = [
-        f"# A first machine file for {log.path.name}: check every line of it.",
+        f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
+        '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
-        f'name = "{log.path.stem}"',
+        f"name = {_quoted(log.path.stem)}",
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
         "# track_width_m = 1.5          # for the yaw torque (18)",
@@ -79,7 +81,7 @@ def machine_file(log: Log, time: str | None) -> tuple[str, list[str]]:
         "",
     ]
     if "table" in set(topics["topic"]) and time is not None:
-        lines += ["[log]", f'time = "{time}"', ""]
+        lines += ["[log]", f"time = {_quoted(time)}", ""]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
@@ -169,7 +171,17 @@ def _others(topics: pl.DataFrame, guesses: list[Guess]) -> Iterator[str]:
     for row in topics.to_dicts():
         rest = [f for f in row["fields"] or [] if (row["topic"], f.partition("[")[0]) not in used]
         if row["problem"]:
-            yield f"#   {row['topic']} ({row['type']}): {row['problem']}"
+            yield _one_line(f"#   {row['topic']} ({row['type']}): {row['problem']}")
         elif rest:
             shown = ", ".join(rest[:12]) + (", …" if len(rest) > 12 else "")
-            yield f"#   {row['topic']} ({row['type']}, {row['messages']} messages): {shown}"
+            said = f"#   {row['topic']} ({row['type']}, {row['messages']} messages): {shown}"
+            yield _one_line(said)
+
+
+def _quoted(text: str) -> str:
+    """A TOML string: JSON's escapes are TOML's."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in text)

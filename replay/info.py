@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 #: Clocks that start at boot count from 0: what lies before 1990 is not shown as a date.
-_FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
+FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +98,7 @@ def _head(info: LogInfo, zone: tzinfo) -> Iterator[str]:
 
 def _when(stamp_ns: int, zone: tzinfo) -> str:
     seconds = f"{stamp_ns / 1e9:.3f} s"
-    if stamp_ns < _FIRST_DATE_NS:
+    if stamp_ns < FIRST_DATE_NS:
         return f"{seconds} of the log's own clock"
     local = datetime.fromtimestamp(stamp_ns // 10**9, zone)
     return f"{local:%Y-%m-%d %H:%M:%S %Z} ({seconds})"

@@ -15,7 +15,7 @@ def command(
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Simulate six loads × nine runs as ROS bags, replay them, calibrate, record and draw."""
-    from replay.commands.printing import print_json
+    from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
     from replay.demo import demo, render
 
@@ -24,6 +24,4 @@ def command(
     if as_json:
         print_json(result.to_dict())
     else:
-        from rich.console import Console
-
-        Console(highlight=False).print(render(result))
+        console().print(render(result))

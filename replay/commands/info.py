@@ -16,9 +16,8 @@ def command(
     """Show topics, types, counts, rates, gaps and damage, without decoding the messages."""
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-    from rich.console import Console
-
-    from replay.commands.printing import print_json
+    from estimators.errors import LogError
+    from replay.commands.printing import console, print_json
     from replay.info import describe, render
     from replay.readers import TimeAxis, open_log
 
@@ -29,12 +28,22 @@ def command(
             f"no time zone '{timezone}'; use a name like America/Santiago or UTC"
         ) from None
     described: list[object] = []
+    faults: list[LogError] = []
     for path in logs:
-        with open_log(path, time=TimeAxis(time, time_unit) if time else None) as log:
-            shown = describe(log)
+        try:
+            with open_log(path, time=TimeAxis(time, time_unit) if time else None) as log:
+                shown = describe(log)
+        except LogError as error:
+            # the other logs are still worth describing
+            faults.append(error)
+            continue
         if as_json:
             described.append(shown.to_dict())
         else:
-            Console(highlight=False, soft_wrap=False).print(render(shown, zone))
-    if as_json:
-        print_json(described[0] if len(described) == 1 else described)
+            console().print(render(shown, zone), "")
+    if as_json and described:
+        print_json(described[0] if len(logs) == 1 else described)
+    for error in faults[:-1]:
+        typer.echo(f"payscope: {error}", err=True)
+    if faults:
+        raise faults[-1]

@@ -1,10 +1,29 @@
-"""Values as JSON: what is not finite is null, as JSON knows no other."""
+"""How commands print: tables for people, JSON for machines (what is not finite is null)."""
 
 import json
 import math
 from typing import Any
 
 import typer
+from rich.console import Console
+from rich.table import Table
+
+#: Whoever pipes a table has no screen to keep to.
+_PIPED_WIDTH = 160
+
+
+def console() -> Console:
+    """The console of stdout: as wide as the screen, or wide enough where there is none."""
+    screen = Console(highlight=False)
+    return screen if screen.is_terminal else Console(highlight=False, width=_PIPED_WIDTH)
+
+
+def plain_table(*titles: str) -> Table:
+    """A table without lines, its first column to the left and the others to the right."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for i, title in enumerate(titles):
+        table.add_column(title, justify="right" if i else "left")
+    return table
 
 
 def print_json(value: Any) -> None:

@@ -5,13 +5,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from analysis.answer import answer
 from estimators.errors import LogError
 from recordings import write_recording
 from recordings.output import check_output
+from replay.commands.printing import console, plain_table, print_json
 from replay.commands.progress import Stages
 from replay.machine import load_machine
 from replay.pipeline import run
@@ -56,48 +56,50 @@ def replay_logs(
 def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
     """Print an answer: JSON, or a table of masses and the verdict, on stdout."""
     if as_json:
-        from replay.commands.printing import print_json
-
         print_json(answer)
         return
-    console = Console(highlight=False)
+    screen = console()
     weighs = answer["verdict"]["can_weigh"]
     if weighs:
-        console.print(_masses(answer))
+        screen.print(_masses(answer))
     for loss in answer["losses"]:
-        console.print(f"lost: {loss['source']} {loss['topic']}: {loss['what']}", markup=False)
+        screen.print(f"lost: {loss['source']} {loss['topic']}: {loss['what']}", markup=False)
     for note in answer["notes"]:
-        console.print(f"note: {note}", markup=False)
+        screen.print(f"note: {note}", markup=False)
     failed = [check for check in answer["verdict"]["checks"] if check["passed"] is False]
     share = answer["accepted_share"]
     if weighs:
-        console.print(f"This log can weigh: every check passed, {share:.0%} of it was used.")
+        screen.print(f"This log can weigh: every check passed, {share:.0%} of it was used.")
     else:
-        console.print("This log cannot weigh, so the mass is withheld. Failed:")
-    console.print(_checks(failed if not weighs else answer["verdict"]["checks"]))
+        screen.print("This log cannot weigh, so the mass is withheld. Failed:")
+    screen.print(_checks(failed if not weighs else answer["verdict"]["checks"]))
     if answer["recording"]:
-        console.print(f"recording: {answer['recording']}", markup=False, soft_wrap=True)
+        screen.print(f"recording: {answer['recording']}", markup=False, soft_wrap=True)
 
 
 def _masses(answer: dict[str, Any]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for title in ("method", "mass kg", "± kg (1σ)", "payload kg"):
-        table.add_column(title, justify="left" if title == "method" else "right")
-    for method, mass in answer["mass_kg"].items():
-        std = answer["mass_std_kg"][method]
-        payload = answer["payload_kg"][method]
-        table.add_row(
-            method,
-            *("–" if x is None else f"{x:,.2f}" for x in (mass, std, payload)),
-        )
+    columns = {
+        "mass kg": ("mass_kg", "mass_std_kg"),
+        "payload kg": ("payload_kg", None),
+        "friction N·s/m": ("friction_x_N_s_m", "friction_x_std_N_s_m"),
+        "Coulomb N": ("coulomb_x_N", "coulomb_x_std_N"),
+    }
+    shown = {title: names for title, names in columns.items() if names[0] in answer}
+    table = plain_table("method", *shown)
+    for method in answer["mass_kg"]:
+        table.add_row(method, *(_number(answer, method, *names) for names in shown.values()))
     return table
 
 
+def _number(answer: dict[str, Any], method: str, name: str, std_name: str | None) -> str:
+    value = answer[name][method]
+    if value is None:
+        return "–"
+    return f"{value:,.2f}" + (f" ± {answer[std_name][method]:.2f}" if std_name else "")
+
+
 def _checks(checks: Sequence[dict[str, Any]]) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("check")
-    table.add_column("value", justify="right")
-    table.add_column("limit", justify="right", no_wrap=True)
+    table = plain_table("check", "value", "limit")
     table.add_column("")
     table.add_column("meaning", overflow="fold")
     for check in checks:

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import polars as pl
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from analysis.schema import FRAMES, Frame
 from estimators.errors import OutputError, RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
 from recordings.output import whole_file
-from replay.commands.printing import json_text
+from replay.commands.printing import console, json_text, plain_table
+from replay.info import FIRST_DATE_NS
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN = 40
@@ -25,12 +24,11 @@ def list_stages(recording: Path, output_format: str) -> None:
     if output_format == "json":
         typer.echo(json_text(held))
         return
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column("stage", no_wrap=True)
+    table = plain_table("stage")
     table.add_column("columns", overflow="fold")
     for name, columns in held.items():
         table.add_row(name, " ".join(columns))
-    Console(highlight=False).print(table)
+    console().print(table)
 
 
 def show_stage(
@@ -56,7 +54,12 @@ def show_stage(
         raise OutputError("Parquet is not for a screen: name a file with -o")
     frame = _between(recording, stage, read_frame(recording, stage), start_s, end_s)
     if output is None:
-        _print(frame, output_format)
+        if output_format == "table":
+            _print_table(_readable(recording, stage, frame))
+        elif output_format == "csv":
+            frame.write_csv(sys.stdout.buffer)
+        else:
+            typer.echo(json_text(frame.to_dicts()))
         return
     with whole_file(output, force=force) as partial:
         match output_format:
@@ -93,20 +96,45 @@ def _time_column(stage: str) -> str | None:
     return declared.time_column
 
 
-def _print(frame: pl.DataFrame, output_format: str) -> None:
-    match output_format:
-        case "csv":
-            frame.write_csv(sys.stdout.buffer)
-        case "json":
-            typer.echo(json_text(frame.to_dicts()))
-        case _:
-            text = io.StringIO()
-            with pl.Config(
-                tbl_rows=_ROWS_SHOWN,
-                tbl_cols=-1,
-                tbl_width_chars=Console().width,
-                fmt_str_lengths=60,
-                tbl_hide_column_data_types=True,
-            ):
-                print(frame, file=text)
-            typer.echo(text.getvalue(), nl=False)
+def _readable(recording: Path, stage: str, frame: pl.DataFrame) -> pl.DataFrame:
+    """Times as a person reads them: seconds from the start, and local where they are dates."""
+    column = _time_column(stage)
+    if column is None:
+        return frame
+    known = read_provenance(recording)
+    zone = str(known.machine["machine"]["timezone"])
+    zero_ns = known.t0_unix_ns
+    since_ns = pl.col(column) - (zero_ns if column == "log_time_ns" else 0)
+    local = pl.from_epoch(since_ns + zero_ns, time_unit="ns").dt.replace_time_zone("UTC")
+    seconds = (since_ns / 1e9).alias("t_s")
+    rest = pl.exclude(column, "header_stamp_ns")
+    if zero_ns < FIRST_DATE_NS:
+        return frame.select(seconds, rest)
+    return frame.select(
+        local.dt.convert_time_zone(zone).dt.strftime("%F %T%.3f").alias(f"local ({zone})"),
+        seconds,
+        rest,
+    )
+
+
+def _print_table(frame: pl.DataFrame) -> None:
+    screen = console()
+    text = io.StringIO()
+    with pl.Config(
+        tbl_rows=_ROWS_SHOWN,
+        tbl_cols=-1,
+        # whoever pipes it has no width to keep to
+        tbl_width_chars=screen.width if screen.is_terminal else 1000,
+        fmt_str_lengths=80,
+        tbl_hide_column_data_types=True,
+        tbl_formatting="NOTHING",
+        tbl_hide_dataframe_shape=True,
+    ):
+        print(frame, file=text)
+    typer.echo(text.getvalue(), nl=False)
+    if frame.height > _ROWS_SHOWN:
+        typer.echo(
+            f"{frame.height} rows, {_ROWS_SHOWN} shown; --from and --to choose, "
+            "--format csv gives all",
+            err=True,
+        )
