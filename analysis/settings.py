@@ -41,7 +41,9 @@ class Settings(BaseModel):
     methods: tuple[Method, ...] = Field(
         ("ls", "rls", "fgls", "tls", "pooled"), min_length=1, description="estimators to run"
     )
-    forgetting: float = Field(1.0, gt=0.5, le=1, description="λ of the recursive estimator")
+    forgetting: float = Field(
+        0.998, gt=0.5, le=1, description="λ of the recursive estimator: half forgotten in 3.5 s"
+    )
     fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
     tls_noise_force_N: float = Field(60.0, gt=0, description="noise of the force, before the mean")
     tls_noise_acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")

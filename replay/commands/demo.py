@@ -17,11 +17,13 @@ def command(
     """Simulate six loads × nine runs as ROS bags, replay them, calibrate, record and draw."""
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
-    from replay.demo import demo, render
+    from replay.demo import demo
 
     with Stages() as stages:
         result = demo(output, seed=seed, force=force, on_stage=stages.begin)
     if as_json:
         print_json(result.to_dict())
     else:
+        from replay.commands.demo_tables import render
+
         console().print(render(result))
