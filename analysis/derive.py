@@ -72,7 +72,9 @@ def derive(
             raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
         series[name] = t, x
     t, speed = series["speed_x_m_s"]
-    series["direction_x_1"] = t, np.sign(speed)
+    # the sign of a standing machine's noise is a regressor of pure noise
+    moves = np.abs(speed) > settings.direction_deadband_m_s
+    series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
     frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
     return frames, losses, notes
 

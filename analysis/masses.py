@@ -6,7 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.gate import samples_of
+from analysis.gate import accepted_samples
 from analysis.machine import Machine
 from analysis.regressor import straight, theta_columns, theta_of
 from analysis.schema import build, values
@@ -45,7 +45,7 @@ def masses(
         if not weighs or frame.is_empty():
             continue
         if method == "pooled":
-            used = samples_of(gated["accepted_x"].to_numpy(), settings.window_samples)
+            used = accepted_samples(excitation, gated, settings)
             whole = pooled.trace(A, f, np.where(used, 0, -1))
             theta[row], std[row] = whole.theta[0], whole.std[0]
         elif method == "rls":

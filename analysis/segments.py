@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.gate import samples_of
+from analysis.gate import accepted_samples
 from analysis.regressor import straight, theta_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
@@ -45,7 +45,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         settings: window, what is refused.
     """
     segment_id = manoeuvres(excitation, settings)
-    used = samples_of(gated["accepted_x"].to_numpy(), settings.window_samples)
+    used = accepted_samples(excitation, gated, settings)
     A, f = straight(excitation, settings)
     pooled_ids = np.where(used, segment_id, -1)
     traced = pooled.trace(A, f, pooled_ids)

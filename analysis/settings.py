@@ -44,6 +44,9 @@ class Settings(BaseModel):
     forgetting: float = Field(
         0.998, gt=0.5, le=1, description="λ of the recursive estimator: half forgotten in 3.5 s"
     )
+    direction_deadband_m_s: float = Field(
+        0.0, ge=0, description="speeds up to this have no sign for the Coulomb term"
+    )
     fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
     tls_noise_force_N: float = Field(60.0, gt=0, description="noise of the force, before the mean")
     tls_noise_acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")

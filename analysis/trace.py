@@ -2,7 +2,7 @@
 
 import polars as pl
 
-from analysis.gate import samples_of
+from analysis.gate import accepted_samples
 from analysis.regressor import straight, theta_columns
 from analysis.schema import build
 from analysis.segments import manoeuvres
@@ -42,7 +42,7 @@ def trace(
                 traced = tls.trace(A, f, window, accepted, options)
             case "pooled":
                 segment_id = manoeuvres(excitation, settings)
-                segment_id[~samples_of(accepted, window)] = -1
+                segment_id[~accepted_samples(excitation, gated, settings)] = -1
                 traced = pooled.trace(A, f, segment_id)
         traces[method] = traced
     t_ns = excitation["t_ns"].to_numpy()

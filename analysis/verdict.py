@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.gate import samples_of
+from analysis.gate import accepted_samples
 from analysis.machine import Machine
 from analysis.regressor import straight
 from analysis.schema import build, values
@@ -40,7 +40,7 @@ def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> 
     moving = known & phase.is_in(driving).fill_null(False).to_numpy()
     braking = known & (phase == "braking").fill_null(False).to_numpy()
     mass, deviation, r_squared = _ungated_fit(A, f, moving)
-    accepted = samples_of(gated["accepted_x"].to_numpy(), settings.window_samples)
+    accepted = accepted_samples(excitation, gated, settings)
     stretches = int((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
     empty = machine.machine.empty_mass_kg
     body_ratio = mass / empty if empty else np.nan
