@@ -92,13 +92,21 @@ def samples_of(accepted: Bools, window: int) -> Bools:
 
 
 def accepted_samples(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> Bools:
-    """The samples to pool, (rows,): inside an accepted window, and not standing still.
+    """The samples to pool, (rows,): inside an accepted window, not standing, not yet braking.
 
     What holds a standing machine is its brakes, which the wheel torques do not show: on a slope
-    of 1° standstill alone would cost 150 kg of 3614.
+    of 1° standstill alone would cost 150 kg of 3614. And the phase, which looks back, sees braking
+    late by up to its span and the moving mean; a window must live with that on board, pooling
+    need not.
     """
-    inside = samples_of(gated["accepted_x"].to_numpy(), settings.window_samples)
-    return inside & (excitation["phase"] != "standstill").fill_null(True).to_numpy()
+    used = samples_of(gated["accepted_x"].to_numpy(), settings.window_samples)
+    phase = excitation["phase"]
+    used &= (phase != "standstill").fill_null(True).to_numpy()
+    if settings.exclude_braking:
+        lag = round(settings.speed_rate_span_s * settings.rate_hz) + settings.smooth_samples
+        braking = (phase == "braking").fill_null(False).to_numpy()
+        used &= ~windows_with(braking[::-1], lag)[::-1]
+    return used
 
 
 def _saturated(excitation: pl.DataFrame, settings: Settings) -> Bools:

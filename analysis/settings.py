@@ -16,6 +16,7 @@ class VerdictLimits(BaseModel):
     relative_std_max: float = Field(0.25, gt=0)
     r_squared_min: float = Field(0.5, le=1)
     opposing_share_min: float = Field(0.05, ge=0, le=1)
+    driving_share_min: float = Field(0.6, ge=0, le=1)
     acceleration_gain_min: float = Field(0.5)
     acceleration_gain_max: float = Field(2.0, gt=0)
     accepted_stretches_min: int = Field(1, ge=0)

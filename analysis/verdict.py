@@ -39,6 +39,7 @@ def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> 
     driving = ["accelerating", "cruising"] + ([] if settings.exclude_braking else ["braking"])
     moving = known & phase.is_in(driving).fill_null(False).to_numpy()
     braking = known & (phase == "braking").fill_null(False).to_numpy()
+    speeding = known & (phase == "accelerating").fill_null(False).to_numpy()
     mass, deviation, r_squared = _ungated_fit(A, f, moving)
     accepted = accepted_samples(excitation, gated, settings)
     stretches = int((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
@@ -68,11 +69,19 @@ def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> 
         ),
         (
             "opposing_share",
-            _opposing_share(A[:, 1], f, braking),
+            1.0 - _along_share(A[:, 1], f, braking),
             limits.opposing_share_min,
             None,
             "share of the decelerating samples whose force opposes the motion: 0 means that the "
             "force has lost its sign",
+        ),
+        (
+            "driving_share",
+            _along_share(A[:, 1], f, speeding),
+            limits.driving_share_min,
+            None,
+            "share of the accelerating samples whose force acts along the motion: one half means "
+            "that the force has lost its sign",
         ),
         (
             "acceleration_gain",
@@ -100,6 +109,7 @@ def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> 
     not_applicable = {
         # no wheel force is asked to brake, no accelerometer, no empty mass: nothing to compare
         "opposing_share": not braking.any(),
+        "driving_share": not speeding.any(),
         "acceleration_gain": "specific_force_x_m_s2" not in excitation.columns,
         "empty_mass_ratio": empty is None,
     }
@@ -151,10 +161,9 @@ def _partial_correlation(A: Floats, f: Floats, moving: Bools) -> float:
     return float(rest[:, 0] @ rest[:, 1] / norms.prod()) if norms.all() else float("nan")
 
 
-def _opposing_share(speed: Floats, f: Floats, braking: Bools) -> float:
-    if not braking.any():
-        return float("nan")
-    return float((speed[braking] * f[braking] < 0).mean())
+def _along_share(speed: Floats, f: Floats, of: Bools) -> float:
+    """Share of the samples `of` whose force acts along the motion."""
+    return float((speed[of] * f[of] >= 0).mean()) if of.any() else float("nan")
 
 
 def _acceleration_gain(excitation: pl.DataFrame, used: Bools, settings: Settings) -> float:

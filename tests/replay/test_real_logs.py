@@ -1,0 +1,130 @@
+"""The main job on logs that others recorded: what can be weighed, and what must be refused."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from analysis.answer import answer
+from analysis.run import Run
+from replay import TimeAxis, load_machine, open_log, run
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+REFERENCE_KG = 95.11
+REFERENCE_N_S_M = 203.5
+
+
+def replay(log: Path, machine_file: str, overrides: Sequence[str] = ()) -> Run:
+    machine = load_machine(EXAMPLES / machine_file, overrides)
+    time = TimeAxis(machine.log.time, machine.log.time_unit) if machine.log.time else None
+    with open_log(log, time=time) as opened:
+        return run(opened, machine)
+
+
+def pooled(replayed: Run) -> dict[str, float]:
+    return replayed.frames["masses"].filter(pl.col("method") == "pooled").to_dicts()[0]
+
+
+class TestLinearAxis:
+    """A motor-driven mass with a published reference: 95.11 kg, 203.5 N·s/m, 20.4 N."""
+
+    LOGS = (
+        ("linear_axis.csv", "linear_axis.toml"),
+        ("linear_axis.bag", "linear_axis_ros.toml"),
+        ("linear_axis_ros2", "linear_axis_ros.toml"),
+    )
+
+    @pytest.mark.parametrize("coulomb", ["true", "false"])
+    @pytest.mark.parametrize(("log", "machine_file"), LOGS)
+    def test_pooled_mass_is_within_two_percent(
+        self, shared_data: Path, log: str, machine_file: str, coulomb: str
+    ) -> None:
+        replayed = replay(shared_data / "logs" / log, machine_file, [f"settings.coulomb={coulomb}"])
+        assert pooled(replayed)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
+
+    def test_three_formats_give_the_same_masses(self, shared_data: Path) -> None:
+        masses = [
+            pooled(replay(shared_data / "logs" / log, machine_file))["mass_kg"]
+            for log, machine_file in self.LOGS
+        ]
+        assert masses[1:] == pytest.approx(masses[:1] * 2, rel=1e-9)
+
+    def test_with_the_coulomb_term_friction_is_within_five_percent(self, shared_data: Path) -> None:
+        found = pooled(replay(shared_data / "logs/linear_axis.csv", "linear_axis.toml"))
+        assert found["friction_x_N_s_m"] == pytest.approx(REFERENCE_N_S_M, rel=0.05)
+        assert found["coulomb_x_N"] == pytest.approx(20.4, abs=1.5)
+
+    def test_a_stricter_gate_chooses_some_windows_and_keeps_the_mass(
+        self, shared_data: Path
+    ) -> None:
+        log = shared_data / "logs/linear_axis.csv"
+        loose = replay(log, "linear_axis.toml")
+        strict = replay(log, "linear_axis.toml", ["settings.threshold_nat=1.1"])
+        accepted = [r.frames["gate"]["accepted_x"].sum() for r in (loose, strict)]
+        assert 0 < accepted[1] < accepted[0] / 2
+        gated = strict.frames["gate"].filter(pl.col("reason_x") == "low_information")
+        assert gated.height
+        assert gated["mi_x_nat"].max() < 1.1
+        assert pooled(strict)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
+
+    def test_excluding_braking_leaves_no_window_and_says_why(self, shared_data: Path) -> None:
+        refused = replay(
+            shared_data / "logs/linear_axis.csv",
+            "linear_axis.toml",
+            ["settings.exclude_braking=true"],
+        )
+        result = answer(refused)
+        assert result["verdict"]["can_weigh"] is False
+        assert all(mass is None for mass in result["mass_kg"].values())
+        assert result["notes"] == [
+            "the longest stretch without braking is 1.15 s, the window 3.20 s"
+        ]
+
+    def test_a_force_without_sign_is_refused(self, shared_data: Path, tmp_path: Path) -> None:
+        table = pl.read_csv(shared_data / "logs/linear_axis.csv")
+        unsigned = tmp_path / "unsigned.csv"
+        table.with_columns(pl.col("force_N").abs()).write_csv(unsigned)
+        for exclude in ("true", "false"):
+            refused = replay(unsigned, "linear_axis.toml", [f"settings.exclude_braking={exclude}"])
+            assert {"driving_share", "partial_correlation"} <= failed_checks(refused)
+
+
+def failed_checks(replayed: Run) -> set[str]:
+    return set(replayed.frames["verdict"].filter(~pl.col("passed").fill_null(True))["check"])
+
+
+class TestHusky:
+    """Unsigned motor currents and an IMU that shows a fraction of the motion: no answer in it."""
+
+    @pytest.mark.parametrize("log", ["husky_asphalt.bag", "husky_asphalt_ros2"])
+    @pytest.mark.parametrize("machine_file", ["husky_imu.toml", "husky_wheels.toml"])
+    @pytest.mark.parametrize(
+        "overrides",
+        [
+            pytest.param((), id="as shipped"),
+            pytest.param(("settings.turning_rate_rad_s=10.0",), id="turns taken as straight"),
+            pytest.param(
+                ("settings.turning_rate_rad_s=10.0", "settings.threshold_nat=0.05"),
+                id="turns taken as straight and the gate wide open",
+            ),
+            pytest.param(
+                ("settings.turning_rate_rad_s=10.0", "settings.exclude_braking=false"),
+                id="turns taken as straight and braking as driving",
+            ),
+        ],
+    )
+    def test_the_mass_is_withheld_by_general_checks(
+        self, shared_data: Path, log: str, machine_file: str, overrides: tuple[str, ...]
+    ) -> None:
+        refused = replay(shared_data / "logs" / log, machine_file, overrides)
+        failed = failed_checks(refused)
+        assert {"opposing_share", "partial_correlation", "r_squared", "relative_std"} <= failed
+        assert refused.frames["masses"]["mass_kg"].null_count() == 5
+        assert refused.frames["masses"]["withheld"].all()
+
+    def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
+        self, shared_data: Path
+    ) -> None:
+        refused = replay(shared_data / "logs/husky_asphalt.bag", "husky_wheels.toml")
+        assert any("only 6.5 Hz" in note for note in refused.provenance.notes)
