@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from recordings.stored import Manifest, StoredColumn, StoredFrame
 from recordings.table import component
 
 if TYPE_CHECKING:
+    import pyarrow as pa
     from rerun.chunk import LazyStore
 
 #: The property of a recording that says what payscope wrote into it.
@@ -48,9 +49,7 @@ def read_recording(path: str | Path) -> Run:
     return Run(frames, provenance.model_copy(update={"losses": (*provenance.losses, *lost)}))
 
 
-def read_frame(
-    path: str | Path, name: str, columns: Sequence[str] | None = None
-) -> pl.DataFrame:
+def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
     """Read one frame, or some of its columns, without reading the others.
 
     Raises:
@@ -65,7 +64,9 @@ def read_frame(
         known = [column.name for column in stored.columns]
         for column in columns or ():
             if column not in known:
-                raise RecordingError(f"{path}: '{name}' has no '{column}'; {nearest(column, known)}")
+                raise RecordingError(
+                    f"{path}: '{name}' has no '{column}'; {nearest(column, known)}"
+                )
         return _read(store, stored, stored.columns if columns is None else stored.select(columns))
 
 
@@ -91,7 +92,7 @@ def stages(path: str | Path) -> dict[str, tuple[str, ...]]:
 
 
 @contextmanager
-def _opened(path: str | Path) -> "Iterator[LazyStore]":
+def _opened(path: str | Path) -> "Generator[LazyStore]":
     """Open a recording; whatever Rerun says of a bad one becomes one line."""
     path = Path(path)
     if not path.exists():
@@ -138,38 +139,32 @@ def _described(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
         raise RecordingError(f"{path}: its description is damaged; replay the log") from error
 
 
-def _read(
-    store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]
-) -> pl.DataFrame:
+def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]) -> pl.DataFrame:
     """Read columns of a frame, rows in the order they were written."""
     import pyarrow as pa
 
     wanted = [component(column.name) for column in columns]
     chunks = store.stream().filter(content=stored.entity, components=wanted)
-    batches = [chunk.to_record_batch() for chunk in chunks]
     # a row id grows with every row that is written; the store gives chunks in no fixed order
-    batches.sort(key=lambda batch: batch.column(0)[0].as_py())
-    values = {
-        name: [_flat(batch.column(name), stored.name) for batch in batches] for name in wanted
-    }
-    return pl.DataFrame(
-        [
-            column.decode(
-                pl.Series(
-                    column.name,
-                    pl.from_arrow(pa.chunked_array(values[component(column.name)]))
-                    if batches
-                    else [],
-                )
-            )
-            for column in columns
-        ]
-    )
+    batches = sorted((chunk.to_record_batch() for chunk in chunks), key=_first_row_id)
+    if not batches:
+        return pl.DataFrame(schema={column.name: column.polars_dtype for column in columns})
+    series: list[pl.Series] = []
+    for column, name in zip(columns, wanted, strict=True):
+        parts = pa.chunked_array([_flat(batch.column(name), stored.name) for batch in batches])
+        series.append(column.decode(pl.Series(column.name, pl.from_arrow(parts))))
+    return pl.DataFrame(series)
+
+
+def _first_row_id(batch: "pa.RecordBatch") -> bytes:
+    return batch.column(0)[0].as_py()
 
 
 def _flat(lists: "pa.Array", frame: str) -> "pa.Array":
     """Take the one value out of each list of a column."""
     flat = lists.flatten()
     if len(flat) != len(lists):
-        raise RecordingError(f"'{frame}' holds several values in a row, so payscope did not write it")
+        raise RecordingError(
+            f"'{frame}' holds several values in a row, so payscope did not write it"
+        )
     return flat

@@ -73,9 +73,7 @@ def straight_drives(
     grid = pl.DataFrame({"t_ns": t_ns, **noisy}).with_columns(
         pl.when(~pl.Series(gap)).then(pl.exclude("t_ns")), gap=pl.Series(gap)
     )
-    motion = grid.with_columns(
-        phase=pl.when(~pl.Series(gap)).then(pl.Series(phase)).cast(PHASE)
-    )
+    motion = grid.with_columns(phase=pl.when(~pl.Series(gap)).then(pl.Series(phase)).cast(PHASE))
     reason = np.select(
         [t_s < 3.2, gap, in_cycle > 6.0, in_cycle > 1.0],
         ["warming_up", "gap", "braking", "accepted" if accepted else "low_information"],
@@ -100,7 +98,7 @@ def straight_drives(
         "excitation": _declared("excitation", motion),
         "gate": conform("gate", gate),
         **{f"estimates/{m}": _estimates(m, gate, rng) for m in METHODS},
-        "segments": _segments(t_ns, duration_s, accepted, rng),
+        "segments": _segments(duration_s, accepted, rng),
         "masses": _masses(rng, accepted, passed),
         "verdict": _verdict(passed),
     }
@@ -151,9 +149,7 @@ def _estimates(method: str, gate: pl.DataFrame, rng: np.random.Generator) -> pl.
     return conform("estimates", rows.with_columns(**{k: pl.Series(v) for k, v in theta.items()}))
 
 
-def _segments(
-    t_ns: np.ndarray, duration_s: float, accepted: bool, rng: np.random.Generator
-) -> pl.DataFrame:
+def _segments(duration_s: float, accepted: bool, rng: np.random.Generator) -> pl.DataFrame:
     starts = np.arange(0.0, duration_s - 8.0, 12.0)
     n = starts.size
     weighed = pl.Series(np.arange(n) % 4 != 3) & accepted
@@ -246,7 +242,11 @@ def _provenance() -> Provenance:
     return Provenance(
         inputs=(InputFile(name="shift.bag", sha256="ab" * 32, size_bytes=123_456_789),),
         machine={
-            "machine": {"name": "CAT 262C", "timezone": "America/Santiago", "empty_mass_kg": 2850.0},
+            "machine": {
+                "name": "CAT 262C",
+                "timezone": "America/Santiago",
+                "empty_mass_kg": 2850.0,
+            },
             "channels": {"force_x_N": {"topic": "/torque", "field": "effort[left]"}},
         },
         settings=Settings.model_validate({}).model_dump(mode="json"),
