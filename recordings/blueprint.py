@@ -1,6 +1,9 @@
 """The layout that a recording opens in: the tabs of the table, without what this run lacks."""
 
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Final
+
+import polars as pl
 
 from analysis.run import Run
 from recordings import colours
@@ -13,15 +16,21 @@ if TYPE_CHECKING:
     from rerun import blueprint as rrb
     from rerun.blueprint import Visualizer
     from rerun.blueprint.encodings import VisualizerComponentMapping
+    from rerun.encodings import EntityPathLike
 
-_LANE_SHARE: Final = 0.6
+_LANE_SHARE: Final = 0.9
 
 
-def blueprint(run: Run) -> "rrb.Blueprint":
-    """Lay out a run in tabs, the overview first, with the whole log in view and time paused."""
+def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
+    """Lay out a run in tabs, the overview first, with the whole log in view and time paused.
+
+    Args:
+        run: the run.
+        shown: its `display_frames`.
+    """
     import rerun.blueprint as rrb
 
-    tabs = [laid_out for tab in TABS if (laid_out := _tab(tab, run)) is not None]
+    tabs = [laid_out for tab in TABS if (laid_out := _tab(tab, run, shown)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
@@ -37,12 +46,12 @@ def text_entity(name: str) -> str:
     return entity_path(f"{ROOT}/text/{name}")
 
 
-def _tab(tab: Tab, run: Run) -> "rrb.Container | None":
+def _tab(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     plots, shares = list[rrb.View](), list[float]()
     for view in tab.views:
-        drawn = drawn_of(view, run, overview=tab is TABS[0])
+        drawn = drawn_of(view, run, shown, overview=tab is TABS[0])
         if drawn:
             plots.append(_view(view, drawn, run))
             shares.append(_LANE_SHARE if view.kind is Kind.STATES else 1.0)
@@ -65,10 +74,10 @@ def _view(view: View, drawn: tuple[Drawn, ...], run: Run) -> "rrb.View":
 
     whole = TimeRange(start=TimeRangeBoundary.infinite(), end=TimeRangeBoundary.infinite())
     axis = rrb.TimeAxis(view_range=whole)
-    overrides: "dict[str, list[Visualizer]]" = {}
+    overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in drawn:
-        overrides.setdefault(entity_path(each.frame), []).append(_visualizer(view.kind, each))
-    contents = list(overrides)
+        overrides.setdefault(entity_path(each.frame), []).extend(_visualizers(view.kind, each))
+    contents = [str(entity) for entity in overrides]
     if view.kind is Kind.STATES:
         return rrb.StateTimelineView(
             name=view.title, contents=contents, overrides=overrides, time_view=axis
@@ -80,11 +89,11 @@ def _view(view: View, drawn: tuple[Drawn, ...], run: Run) -> "rrb.View":
         overrides=overrides,
         axis_x=axis,
         axis_y=rrb.ScalarAxis(range=bulk) if bulk is not None else None,
-        plot_legend=rrb.PlotLegend(visible=True),
+        plot_legend=rrb.PlotLegend(visible=len(drawn) > 1),
     )
 
 
-def _visualizer(kind: Kind, drawn: Drawn) -> "Visualizer":
+def _visualizers(kind: Kind, drawn: Drawn) -> "Iterator[Visualizer]":
     import rerun as rr
 
     if kind is Kind.STATES:
@@ -93,20 +102,27 @@ def _visualizer(kind: Kind, drawn: Drawn) -> "Visualizer":
             labels=[state.replace("_", " ") for state in colours.STATES],
             colors=[_rgba(colour) for colour in colours.STATES.values()],
         )
-        return looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
+        yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
+        return
+    colour = _rgba(drawn.colour, "60" if drawn.faint else "ff")
+    scalars = _mapping("Scalars:scalars", drawn.column)
     if drawn.variance is not None:
-        mappings = [
-            _mapping("Measurements:values", drawn.column),
-            _mapping("Measurements:variances", drawn.variance),
-        ]
-        band = rr.Measurements.from_fields(names=drawn.label, colors=_rgba(drawn.colour))
-        return band.visualizer(mappings=mappings)
-    line = rr.SeriesLines(
-        names=drawn.label,
-        colors=_rgba(drawn.colour, "60" if drawn.faint else "ff"),
-        widths=0.7 if drawn.faint else 1.5,
-    )
-    return line.visualizer(mappings=[_mapping("Scalars:scalars", drawn.column)])
+        band = rr.Measurements.from_fields(names=drawn.label, colors=colour)
+        values = _mapping("Measurements:values", drawn.column)
+        variances = _mapping("Measurements:variances", drawn.variance)
+        yield band.visualizer(mappings=[values, variances])
+    else:
+        width = 0.7 if drawn.faint else 1.5
+        line = rr.SeriesLines(
+            names=drawn.label,
+            colors=colour,
+            widths=width,
+            aggregation_policy="MinMax",  # zoomed out, a mean would hide what it averages
+        )
+        yield line.visualizer(mappings=[scalars])
+    if drawn.dotted:
+        dots = rr.SeriesPoints(names=drawn.label, colors=colour, marker_sizes=3.0)
+        yield dots.visualizer(mappings=[scalars])
 
 
 def _rgba(colour: str, alpha: str = "ff") -> int:

@@ -9,6 +9,11 @@ _METHODS: Final = ("ls", "rls", "fgls", "tls", "pooled", "huber", "rtls")
 _GOOD: Final = "#2e9e5b"
 _QUIET: Final = "#7f8c8d"
 _BAD: Final = "#c0392b"
+#: The states of a lane that a plot shades behind its lines.
+SHADED: Final[dict[str, tuple[str, ...]]] = {
+    "gate": ("accepted",),
+    "phase": ("accelerating", "braking", "turning", "arc", "spinning"),
+}
 STATES: Final[dict[str, str]] = {
     "standstill": _QUIET,
     "accelerating": _GOOD,

@@ -5,7 +5,7 @@ held over its span; a state is kept where it changes; the overview of a long log
 the extremes of every few seconds. These frames lie under `display/` and are never read back.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.run import Run
 from recordings import colours
-from recordings.table import TABS, Kind, Series, View, entity_parts, frames_of
+from recordings.table import STATE, TABS, Kind, Series, View, entity_parts, frames_of
 
 ROOT: Final = "display"
 _NS: Final = 10**9
@@ -33,6 +33,8 @@ class Drawn:
     colour: str = ""
     variance: str | None = None
     faint: bool = False
+    dotted: bool = False
+    """Whether its numbers stand alone, too far apart for a line."""
 
 
 def span_ns(run: Run) -> tuple[int, int] | None:
@@ -59,13 +61,22 @@ def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
                 yield series, name
 
 
-def drawn_of(view: View, run: Run, *, overview: bool = False) -> tuple[Drawn, ...]:
-    """What a view draws of this run, the decimated series where `overview` asks for them."""
+def drawn_of(
+    view: View, run: Run, shown: Mapping[str, pl.DataFrame], *, overview: bool = False
+) -> tuple[Drawn, ...]:
+    """What a view draws of this run.
+
+    Args:
+        view: the view.
+        run: the run.
+        shown: its `display_frames`.
+        overview: whether to draw the decimated series, where there are.
+    """
     decimated = overview and is_long(run)
     drawn: list[Drawn] = []
     for number, (series, name) in enumerate(series_of(view, run)):
         if view.kind is Kind.STATES:
-            drawn.append(Drawn(_state_frame(series, name), "state", series.label))
+            drawn.append(Drawn(_lane(series), STATE, series.label))
             continue
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
@@ -77,7 +88,8 @@ def drawn_of(view: View, run: Run, *, overview: bool = False) -> tuple[Drawn, ..
                 column = f"{series.column}_{extreme}"
                 drawn.append(Drawn(frame, column, f"{label}, {extreme}", colour, faint=True))
             label += ", mean"
-        drawn.append(Drawn(frame, series.column, label, colour, variance))
+        dotted = frame in shown and stands_alone(shown[frame][series.column])
+        drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
     if drawn and view.threshold is not None:
         label = f"threshold {_threshold(run, view):g} {view.unit}"
         drawn.append(Drawn(_threshold_frame(view), "threshold", label, "#d55e00"))
@@ -91,7 +103,7 @@ def display_frames(run: Run) -> dict[str, pl.DataFrame]:
         for series, name in series_of(view, run):
             frame = run.frames[name]
             if view.kind is Kind.STATES:
-                frames[_state_frame(series, name)] = _transitions(series, frame, _period_ns(run))
+                frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame == "estimates":
                 frames[_source(series, name)] = _broken(_numbers(name, frame), _period_ns(run))
             elif series.frame == "segments":
@@ -129,8 +141,8 @@ def _overview_frame(name: str) -> str:
     return f"{ROOT}/overview/{name}"
 
 
-def _state_frame(series: Series, name: str) -> str:
-    return f"{ROOT}/states/{name}/{series.column}"
+def _lane(series: Series) -> str:
+    return f"{ROOT}/{series.label}"
 
 
 def _threshold_frame(view: View) -> str:
@@ -143,6 +155,13 @@ def _variance(std: str) -> str:
 
 def _threshold(run: Run, view: View) -> float:
     return float(run.provenance.settings.get(str(view.threshold), float("nan")))
+
+
+def stands_alone(numbers: pl.Series) -> bool:
+    """Whether most numbers have no neighbour to draw a line to."""
+    there = numbers.is_not_null()
+    alone = there & ~there.shift(1, fill_value=False) & ~there.shift(-1, fill_value=False)
+    return 2 * alone.sum() > there.sum()
 
 
 def _period_ns(run: Run) -> int:
@@ -184,7 +203,7 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
     column = pl.col(series.column)
     if frame.schema[series.column] == pl.Boolean:
         column = pl.when(column).then(pl.lit(series.column))
-    column = column.cast(pl.String).alias("state")
+    column = column.cast(pl.String).alias(STATE)
     if "end_t_ns" in frame.columns:
         starts = frame.select(pl.col("start_t_ns").alias("t_ns"), column)
         ends = frame.select((pl.col("end_t_ns") + 1).alias("t_ns"))
@@ -193,7 +212,7 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
         ends = frame.tail(1).select(pl.col("t_ns") + period_ns)
     # where one manoeuvre ends as the next begins, the beginning is the later of the two rows
     states = pl.concat([ends, starts], how="diagonal").sort("t_ns", maintain_order=True)
-    changed = pl.col("state").ne_missing(pl.col("state").shift(1))
+    changed = pl.col(STATE).ne_missing(pl.col(STATE).shift(1))
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
@@ -210,7 +229,7 @@ def _overviews(run: Run) -> dict[str, pl.DataFrame]:
                 variance = (pl.col(series.std) ** 2).mean().alias(_variance(series.std))
                 asked.setdefault(name, []).extend([pl.col(series.column).mean(), variance])
     return {
-        _overview_frame(name): _binned(run.frames[name], wanted, span, width_ns)
+        _overview_frame(name): binned(run.frames[name], wanted, span, width_ns)
         for name, wanted in asked.items()
     }
 
@@ -224,7 +243,7 @@ def _extremes(column: str) -> list[pl.Expr]:
     ]
 
 
-def _binned(
+def binned(
     frame: pl.DataFrame, wanted: list[pl.Expr], span: tuple[int, int], width_ns: int
 ) -> pl.DataFrame:
     """A row a bin, at its middle; a bin without rows stays empty, so that no line crosses it."""

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from recordings.stored import Manifest, StoredColumn, StoredFrame
 from recordings.table import component
 
 if TYPE_CHECKING:
+    import pyarrow as pa
     from rerun.chunk import LazyStore
 
 #: The property of a recording that says what payscope wrote into it.
@@ -91,7 +92,7 @@ def stages(path: str | Path) -> dict[str, tuple[str, ...]]:
 
 
 @contextmanager
-def _opened(path: str | Path) -> "Iterator[LazyStore]":
+def _opened(path: str | Path) -> "Generator[LazyStore]":
     """Open a recording; whatever Rerun says of a bad one becomes one line."""
     path = Path(path)
     if not path.exists():
@@ -144,25 +145,19 @@ def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColum
 
     wanted = [component(column.name) for column in columns]
     chunks = store.stream().filter(content=stored.entity, components=wanted)
-    batches = [chunk.to_record_batch() for chunk in chunks]
     # a row id grows with every row that is written; the store gives chunks in no fixed order
-    batches.sort(key=lambda batch: batch.column(0)[0].as_py())
-    values = {
-        name: [_flat(batch.column(name), stored.name) for batch in batches] for name in wanted
-    }
-    return pl.DataFrame(
-        [
-            column.decode(
-                pl.Series(
-                    column.name,
-                    pl.from_arrow(pa.chunked_array(values[component(column.name)]))
-                    if batches
-                    else [],
-                )
-            )
-            for column in columns
-        ]
-    )
+    batches = sorted((chunk.to_record_batch() for chunk in chunks), key=_first_row_id)
+    if not batches:
+        return pl.DataFrame(schema={column.name: column.polars_dtype for column in columns})
+    series: list[pl.Series] = []
+    for column, name in zip(columns, wanted, strict=True):
+        parts = pa.chunked_array([_flat(batch.column(name), stored.name) for batch in batches])
+        series.append(column.decode(pl.Series(column.name, pl.from_arrow(parts))))
+    return pl.DataFrame(series)
+
+
+def _first_row_id(batch: "pa.RecordBatch") -> bytes:
+    return batch.column(0)[0].as_py()
 
 
 def _flat(lists: "pa.Array", frame: str) -> "pa.Array":

@@ -16,6 +16,8 @@ TIME: Final = "time"
 SINCE_START: Final = "t"
 ROW: Final = "row"
 COMPONENT_PREFIX: Final = "payscope:"
+#: The text of a lane of states: Rerun's own name, or the viewer adds ours to the lane's title.
+STATE: Final = "StateChange:state"
 
 
 class Kind(Enum):
@@ -28,7 +30,10 @@ class Kind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`."""
+    """One column of one frame; `frame` "estimates" stands for every `estimates/<method>`.
+
+    The label of a lane of states is also the last part of its entity path, which the viewer shows.
+    """
 
     frame: str
     column: str
@@ -95,6 +100,7 @@ _ACCELERATION = _lines(
 _SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
 _INDEX = _lines("Information index", "gate", "threshold_nat", mi_x_nat="index of the window")
 _MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
+_FRICTION = _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
 _DECISIONS = _states(
     "Gate and phase", ("gate", "reason_x", "gate"), ("excitation", "phase", "phase")
 )
@@ -108,9 +114,7 @@ TABS: Final = (
             _ACCELERATION,
             _SPEED,
             _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque"),
-            _states(
-                "Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap in log")
-            ),
+            _states("Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")),
         ),
     ),
     Tab(
@@ -131,7 +135,7 @@ TABS: Final = (
         "Estimates",
         (
             _MASS,
-            _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m"),
+            _FRICTION,
             _band("Coulomb friction", "estimates", "coulomb_x_N", "coulomb_x_std_N"),
         ),
     ),
@@ -173,8 +177,8 @@ TABS: Final = (
             _lines("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
             _states(
                 "Phase and outcome",
-                ("segments", "phase", "phase"),
-                ("segments", "reason", "outcome"),
+                ("segments", "phase", "manoeuvre_phase"),
+                ("segments", "reason", "manoeuvre_outcome"),
             ),
         ),
     ),
@@ -202,6 +206,10 @@ TABS: Final = (
                 acc_x_m_s2="kinematic",
                 specific_force_x_m_s2="accelerometer x",
                 specific_force_y_m_s2="accelerometer y",
+            ),
+            _lines(
+                "Vertical specific force as aligned",
+                "aligned",
                 specific_force_z_m_s2="accelerometer z",
             ),
             _lines("Position", "aligned", position_x_m="travelled"),
@@ -227,6 +235,15 @@ TABS: Final = (
     Tab("Provenance", texts=("settings", "provenance")),
 )
 
+#: What the one page of `plot` shows, from top to bottom.
+PAGE: Final = (
+    _FORCE,
+    _ACCELERATION,
+    _SPEED,
+    _INDEX,
+    _MASS,
+    _FRICTION,
+)
 #: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
 #: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
 KEPT: Final[dict[str, tuple[str, ...]]] = {
@@ -292,7 +309,7 @@ def entity_parts(frame: str) -> tuple[str, ...]:
 
 def component(column: str) -> str:
     """The component that holds a column."""
-    return COMPONENT_PREFIX + column
+    return column if column == STATE else COMPONENT_PREFIX + column
 
 
 def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:

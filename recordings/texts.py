@@ -1,8 +1,9 @@
 """The texts of a recording, in Markdown: the answer first, then where it came from."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
+from math import floor, isfinite, log10
 from typing import Any, Final
 from zoneinfo import ZoneInfo
 
@@ -12,17 +13,13 @@ from analysis.run import Provenance, Run
 from recordings.display import span_ns
 
 _NS: Final = 10**9
-_MASS_COLUMNS: Final = {
-    "method": "method",
-    "mass_kg": "mass (kg)",
-    "mass_std_kg": "± std",
-    "payload_kg": "payload (kg)",
-    "friction_x_N_s_m": "friction (N·s/m)",
-    "friction_x_std_N_s_m": "± std",
-    "coulomb_x_N": "Coulomb (N)",
-    "coulomb_x_std_N": "± std",
-    "rows": "estimates",
-}
+#: Columns of the table of masses: heading, value, standard deviation.
+_MASS_COLUMNS: Final = (
+    ("mass (kg)", "mass_kg", "mass_std_kg"),
+    ("payload (kg)", "payload_kg", "mass_std_kg"),
+    ("friction (N·s/m)", "friction_x_N_s_m", "friction_x_std_N_s_m"),
+    ("Coulomb friction (N)", "coulomb_x_N", "coulomb_x_std_N"),
+)
 
 
 def texts(run: Run) -> dict[str, str]:
@@ -66,6 +63,14 @@ def number(value: object) -> str:
     return str(value)
 
 
+def plus_minus(value: float | None, std: float | None) -> str:
+    """A value with its standard deviation to two digits, both to the same place."""
+    if value is None or std is None or not (std > 0 and isfinite(std)):
+        return number(value)
+    places = max(0, 1 - floor(log10(std)))
+    return f"{value:.{places}f} ± {std:.{places}f}"
+
+
 def headline(run: Run) -> str:
     """The answer in one sentence, without Markdown."""
     masses = run.frames.get("masses", pl.DataFrame())
@@ -78,9 +83,23 @@ def headline(run: Run) -> str:
     pooled = known.filter(pl.col("method") == "pooled")
     best = (known if pooled.is_empty() else pooled).row(0, named=True)
     return (
-        f"{number(best['mass_kg'])} kg ± {number(best.get('mass_std_kg'))} kg "
+        f"{plus_minus(best['mass_kg'], best.get('mass_std_kg'))} kg "
         f"({best['method']}, one standard deviation)"
     )
+
+
+def summary(run: Run) -> str:
+    """The answer in plain lines, the headline first."""
+    about = run.provenance
+    lines = [headline(run), f"{recording_name(about)} · {local_time(about)}", ""]
+    for row in run.frames.get("masses", pl.DataFrame()).to_dicts():
+        mass = f"{plus_minus(row['mass_kg'], row.get('mass_std_kg'))} kg"
+        lines.append(f"{row['method']:<8} {'withheld' if row['withheld'] else mass}")
+    outcome = {True: "passed", False: "FAILED", None: "n/a"}
+    for check in run.frames.get("verdict", pl.DataFrame()).to_dicts():
+        value = f"{number(check['value'])} ({limits(check)})"
+        lines.append(f"{outcome[check['passed']]:<8} {check['check']} {value}")
+    return "\n".join(lines)
 
 
 def failed_checks(run: Run) -> list[dict[str, Any]]:
@@ -133,7 +152,7 @@ def calibration(run: Run) -> str:
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
             parts.append(
                 f"**{method}**: reference = {number(fit['alpha_1'])} · estimate "
-                f"+ {number(fit['beta_kg'])} kg (19)"
+                f"{fit['beta_kg']:+.4g} kg (19)"
             )
     columns = [name for name in points.columns if name not in ("alpha_1", "beta_kg")]
     return "\n\n".join([*parts, table(columns, points.select(columns).rows())])
@@ -142,7 +161,7 @@ def calibration(run: Run) -> str:
 def settings(run: Run) -> str:
     """Every setting, and the machine file as resolved."""
     about = run.provenance
-    rows = [(name, json.dumps(value)) for name, value in sorted(about.settings.items())]
+    rows = [(name, json.dumps(value)) for name, value in sorted(_flat(about.settings))]
     machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
     return "\n\n".join(
         ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
@@ -153,7 +172,7 @@ def provenance(run: Run) -> str:
     """Inputs with their SHA-256, versions, stamps, what was lost, and what to know."""
     about = run.provenance
     inputs = [(each.name, number(each.size_bytes), f"`{each.sha256}`") for each in about.inputs]
-    frames = [(name, str(f.height), ", ".join(f.columns)) for name, f in run.frames.items()]
+    frames = [f"- **{n}**, {f.height} rows: {', '.join(f.columns)}" for n, f in run.frames.items()]
     return "\n\n".join(
         [
             "# Inputs",
@@ -169,7 +188,7 @@ def provenance(run: Run) -> str:
             "# Versions",
             table(("what", "version"), about.versions.items()),
             "# Stages",
-            table(("stage", "rows", "columns"), frames),
+            "\n".join(frames),
         ]
     )
 
@@ -189,6 +208,15 @@ def _body(about: Provenance) -> dict[str, Any]:
     return body if isinstance(body, dict) else {}
 
 
+def _flat(section: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Every setting by its dotted name, as `--set` takes it."""
+    for name, value in section.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
 def _losses(about: Provenance) -> list[tuple[str, str, str]]:
     return [(each.source, each.topic, each.what) for each in about.losses]
 
@@ -197,9 +225,21 @@ def _masses(run: Run) -> list[str]:
     masses = run.frames.get("masses")
     if masses is None or masses.is_empty():
         return []
-    shown = [c for c in _MASS_COLUMNS if c in masses.columns and masses[c].is_not_null().any()]
-    rows = masses.select(shown).rows()
-    return ["## Mass over the whole log", table([_MASS_COLUMNS[c] for c in shown], rows)]
+    shown = [
+        each
+        for each in _MASS_COLUMNS
+        if each[1] in masses.columns and masses[each[1]].is_not_null().any()
+    ]
+    rows = [
+        (
+            row["method"],
+            *(plus_minus(row[value], row.get(std)) for _, value, std in shown),
+            row["rows"],
+        )
+        for row in masses.to_dicts()
+    ]
+    heads = ("method", *(head for head, _, _ in shown), "estimates")
+    return ["## Mass over the whole log (± one standard deviation)", table(heads, rows)]
 
 
 def _verdict(run: Run) -> list[str]:
@@ -207,11 +247,12 @@ def _verdict(run: Run) -> list[str]:
     if verdict is None or verdict.is_empty():
         return []
     outcome = {True: "passed", False: "**failed**", None: "does not apply"}
-    rows = [
-        (c["check"], c["value"], limits(c), outcome[c["passed"]], c["meaning"])
-        for c in verdict.to_dicts()
+    checks = [
+        f"- {outcome[check['passed']]}: **{check['check']}** {number(check['value'])} "
+        f"({limits(check)}), {check['meaning']}"
+        for check in verdict.to_dicts()
     ]
-    return ["## Can this log weigh?", table(("check", "number", "limit", "", "meaning"), rows)]
+    return ["## Can this log weigh?", "\n".join(checks)]
 
 
 def _accepted(run: Run) -> list[str]:

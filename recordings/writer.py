@@ -1,7 +1,6 @@
 """Write a run as a Rerun recording: whole, verified, or not at all."""
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from uuid import uuid4
@@ -47,7 +46,7 @@ def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
     try:
         _write(run, partial)
         _verify(run, partial, path)
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     finally:
@@ -75,23 +74,23 @@ def _write(run: Run, partial: Path) -> None:
     import rerun as rr
 
     stored = [(StoredFrame.of(name, frame), frame) for name, frame in run.frames.items()]
-    described = {
-        "format": FORMAT,
-        "manifest": Manifest(frames=tuple(each for each, _ in stored)).model_dump_json(),
-        "provenance": json.dumps(run.provenance.model_dump(mode="json")),
-    }
+    shown = display_frames(run)
+    description = rr.AnyValues(
+        format=FORMAT,
+        manifest=Manifest(frames=tuple(each for each, _ in stored)).model_dump_json(),
+        provenance=json.dumps(run.provenance.model_dump(mode="json")),
+    )
     with rr.RecordingStream(APPLICATION, recording_id=uuid4()) as recording:
         recording.save(partial)
-        recording.send_blueprint(blueprint(run), make_active=True, make_default=True)
-        recording.send_property(PROPERTY, rr.AnyValues(**described))
+        recording.send_blueprint(blueprint(run, shown), make_active=True, make_default=True)
+        recording.send_property(PROPERTY, description)
         recording.send_recording_name(recording_name(run.provenance))
         recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
         for name, text in texts(run).items():
             document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
             recording.log(text_entity(name), document, static=True)
-        drawn = [
-            (StoredFrame.of(name, frame), frame) for name, frame in display_frames(run).items()
-        ]
+        recording.flush()  # what describes the frames comes first, or a cut file is past help
+        drawn = [(StoredFrame.of(name, frame), frame) for name, frame in shown.items()]
         for each, frame in (*drawn, *stored):
             _send(recording, each, frame, run.provenance.t0_unix_ns)
         recording.flush()

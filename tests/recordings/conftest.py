@@ -98,7 +98,7 @@ def straight_drives(
         "excitation": _declared("excitation", motion),
         "gate": conform("gate", gate),
         **{f"estimates/{m}": _estimates(m, gate, rng) for m in METHODS},
-        "segments": _segments(t_ns, duration_s, accepted, rng),
+        "segments": _segments(duration_s, accepted, rng),
         "masses": _masses(rng, accepted, passed),
         "verdict": _verdict(passed),
     }
@@ -149,9 +149,7 @@ def _estimates(method: str, gate: pl.DataFrame, rng: np.random.Generator) -> pl.
     return conform("estimates", rows.with_columns(**{k: pl.Series(v) for k, v in theta.items()}))
 
 
-def _segments(
-    t_ns: np.ndarray, duration_s: float, accepted: bool, rng: np.random.Generator
-) -> pl.DataFrame:
+def _segments(duration_s: float, accepted: bool, rng: np.random.Generator) -> pl.DataFrame:
     starts = np.arange(0.0, duration_s - 8.0, 12.0)
     n = starts.size
     weighed = pl.Series(np.arange(n) % 4 != 3) & accepted

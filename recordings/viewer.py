@@ -1,0 +1,198 @@
+"""The Rerun viewer: open a recording in it, or photograph every tab without a screen.
+
+The viewer is started here and not by Rerun's own `spawn`, which listens on every interface.
+"""
+
+import os
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from estimators.errors import OutputError, RecordingError
+from recordings.reader import read_provenance
+from recordings.table import TIME
+
+if TYPE_CHECKING:
+    from rerun.experimental import ViewerClient
+
+_HOST: Final = "127.0.0.1"
+_START_S: Final = 60.0
+_SETTLE_S: Final = 0.5
+_POLL_S: Final = 0.1
+_WINDOW: Final = "1600x1000"
+
+
+@dataclass(frozen=True, slots=True)
+class Screenshot:
+    """One tab as the viewer drew it, and what its views complained of."""
+
+    tab: str
+    png: Path
+    errors: tuple[str, ...]
+
+
+def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen[bytes]:
+    """Open a recording in the viewer, which stays open when this process ends.
+
+    Args:
+        path: the recording.
+        at_s: where to put the time cursor, in seconds since the start.
+
+    Raises:
+        RecordingError: the recording cannot be read, or no viewer starts.
+    """
+    t0_ns = read_provenance(path).t0_unix_ns
+    with tempfile.TemporaryFile() as log:
+        process, port = _start(Path(path), log)
+        client = _connected(process, port, log, "a screen; without one, use `payscope plot`")
+    if at_s is not None:
+        at = np.datetime64(t0_ns + round(at_s * 1e9), "ns")
+        client.set_time(TIME, timestamp=at, play_state="paused")
+    return process
+
+
+def screenshots(path: str | Path, folder: str | Path) -> list[Screenshot]:
+    """Draw every tab of a recording in the real viewer, without a screen.
+
+    Hidden tabs are never evaluated, so each is activated in turn.
+
+    Args:
+        path: the recording.
+        folder: where `NN-tab.png` are written; it must exist.
+
+    Raises:
+        RecordingError: the recording cannot be read, or no viewer starts (it needs a Vulkan
+            driver; on Debian `mesa-vulkan-drivers` is a software one).
+        OutputError: the folder is missing.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise OutputError(f"{folder}: no such folder; create it first")
+    read_provenance(path)
+    with _headless(Path(path)) as client:
+        return list(_photographed(client, folder))
+
+
+def _photographed(client: "ViewerClient", folder: Path) -> Iterator[Screenshot]:
+    whole = client.get_blueprint("recording").blueprint
+    tabs = next(
+        layout["ContainerBlueprint"]
+        for layout in whole.values()
+        if layout.get("ContainerBlueprint", {}).get("container_kind") == "Tabs"
+    )
+    for number, entity in enumerate(_children(tabs)):
+        tabs["active_tab"] = entity
+        client.set_blueprint(whole, "recording")
+        name = whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
+        png = folder / f"{number:02}-{name.lower()}.png"
+        png.write_bytes(_settled(client))
+        shown = set(_views(whole, entity))
+        errors = tuple(
+            f"{view.name}: {report.summary}"
+            for view in client.get_state().views
+            if view.view_id in shown
+            for report in view.reports
+        )
+        yield Screenshot(name, png, errors)
+
+
+def _settled(client: "ViewerClient") -> bytes:
+    """Photograph until two pictures are alike: the first ones still miss what is being loaded."""
+    before, deadline = b"", time.monotonic() + _START_S
+    while time.monotonic() < deadline:
+        time.sleep(_SETTLE_S)
+        picture = client.take_screenshot()
+        if picture == before:
+            break
+        before = picture
+    return before
+
+
+def _children(container: dict[str, Any]) -> list[str]:
+    contents = container["contents"]
+    return [contents] if isinstance(contents, str) else contents
+
+
+def _views(whole: dict[str, Any], entity: str) -> Iterator[str]:
+    """The ids of the views in a container, at any depth."""
+    kind, _, identifier = entity.partition("/")
+    if kind == "view":
+        yield identifier
+        return
+    for child in _children(whole[f"/{entity}"]["ContainerBlueprint"]):
+        yield from _views(whole, child)
+
+
+@contextmanager
+def _headless(path: Path) -> "Generator[ViewerClient]":
+    # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
+    with tempfile.TemporaryFile() as log:
+        process, port = _start(path, log, "--headless", "--window-size", _WINDOW, CI="1")
+        try:
+            yield _connected(
+                process, port, log, "a Vulkan driver, like Debian's mesa-vulkan-drivers"
+            )
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def _start(
+    path: Path, log: IO[bytes], *options: str, **environment: str
+) -> tuple[subprocess.Popen[bytes], int]:
+    """Start the viewer with a recording, listening on this machine only."""
+    with socket.socket() as free:
+        free.bind((_HOST, 0))
+        port = int(free.getsockname()[1])
+    command = [executable(), "--bind", _HOST, "--port", str(port), *options, path.resolve()]
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+        env={**os.environ, **environment},
+        start_new_session=True,
+    )
+    return process, port
+
+
+def executable() -> Path:
+    """The viewer that came with the Rerun package, wherever the environment lies."""
+    found = find_spec("rerun_cli")
+    assert found is not None
+    assert found.origin is not None
+    folder = Path(found.origin).parent
+    bundled = folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
+    return bundled if bundled.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
+
+
+def _connected(
+    process: subprocess.Popen[bytes], port: int, log: IO[bytes], needs: str
+) -> "ViewerClient":
+    """Wait until the viewer has loaded its recording."""
+    from rerun.experimental import ViewerClient
+
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline and process.poll() is None:
+        time.sleep(_POLL_S)
+        try:
+            client = ViewerClient.connect(f"rerun+http://{_HOST}:{port}/proxy")
+            state = client.get_state()
+        except (ConnectionError, RuntimeError):
+            continue  # it does not listen yet
+        if state.recordings and not state.loading:
+            return client
+    process.terminate()
+    process.wait()
+    log.seek(0)
+    said = log.read().decode(errors="replace").strip().splitlines() or ["it said nothing"]
+    raise RecordingError(f"the viewer did not start; it needs {needs} ({said[-1]})")

@@ -1,0 +1,102 @@
+"""The blueprint draws what is there, and only that."""
+
+from pathlib import Path
+
+import polars as pl
+import pyarrow as pa
+import pytest
+
+from analysis import Run
+from recordings import write_recording
+from recordings.blueprint import blueprint
+from recordings.display import display_frames
+from recordings.table import TABS
+
+
+def _components(path: Path) -> dict[tuple[str, str], pa.DataType]:
+    """The dtype of every component that the recording holds, by entity and name."""
+    import rerun as rr
+
+    return {
+        (chunk.entity_path, field.name): field.type.value_type
+        for chunk in rr.chunk.RrdReader(path).store().stream()
+        for field in chunk.to_record_batch().schema
+        if pa.types.is_list(field.type)
+    }
+
+
+def _mappings(path: Path) -> list[tuple[str, str, str]]:
+    """Entity, target and source of every mapping in the blueprint that the recording carries."""
+    import rerun as rr
+
+    reader = rr.chunk.RrdReader(path)
+    (embedded,) = reader.blueprints()
+    found: list[tuple[str, str, str]] = []
+    for chunk in reader.stream(store=embedded):
+        batch = chunk.to_record_batch()
+        if "VisualizerInstruction:component_map" in batch.schema.names:
+            path_of = chunk.entity_path.split("/overrides", 1)[1].rsplit("/visualizers/", 1)[0]
+            rows = batch.column("VisualizerInstruction:component_map").to_pylist()
+            found += [(path_of, m["target"], m["source_component"]) for row in rows for m in row]
+    return found
+
+
+@pytest.mark.parametrize("duration_s", [60.0, 700.0], ids=["short", "long, with an overview"])
+def test_every_mapping_of_the_embedded_blueprint_names_a_component_that_can_be_drawn(
+    drives, tmp_path: Path, duration_s: float
+):
+    path = write_recording(drives(duration_s), tmp_path / "shift.rrd")
+    components, mappings = _components(path), _mappings(path)
+    assert len(mappings) > 50
+    for entity, target, source in mappings:
+        dtype = components[entity, source]
+        wanted = pa.types.is_string if target == "StateChange:state" else pa.types.is_floating
+        assert wanted(dtype), f"{entity} {source} is {dtype}"
+
+
+def test_every_stage_that_the_table_draws_is_mapped(drives, tmp_path: Path):
+    path = write_recording(drives(60.0), tmp_path / "shift.rrd")
+    mapped = {source for _, _, source in _mappings(path)}
+    lines = [
+        s for tab in TABS for view in tab.views for s in view.series if view.kind.name != "STATES"
+    ]
+    assert {f"payscope:{series.column}" for series in lines} <= mapped
+
+
+def _view_names(container) -> list[str]:
+    contents = getattr(container, "contents", None)
+    if not isinstance(contents, (list, tuple)) or not hasattr(container, "kind"):
+        return [container.name]
+    return [name for each in contents for name in _view_names(each)]
+
+
+def _tabs(run: Run) -> dict[str, list[str]]:
+    root = blueprint(run, display_frames(run)).root_container
+    return {tab.name: _view_names(tab) for tab in root.contents}
+
+
+def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):
+    tabs = _tabs(drives(60.0))
+    assert next(iter(tabs)) == "Overview"
+    assert tabs["Overview"] == [
+        "Answer",
+        "Force (N)",
+        "Speed (m/s)",
+        "Information index (nat)",
+        "Gate and phase",
+        "Mass (kg)",
+    ]
+
+
+def test_views_of_frames_that_are_missing_or_empty_are_left_out(drives):
+    nothing = _tabs(drives(60.0, accepted=False, calibration=False))
+    assert "Mass (kg)" not in nothing["Overview"]
+    assert "Estimates" not in nothing
+    assert "Calibration" not in nothing
+    assert "Phase and outcome" in nothing["Manoeuvres"]
+
+
+def test_a_run_without_any_frame_still_opens_with_its_answer_and_provenance(tmp_path: Path):
+    run = Run({"aligned": pl.DataFrame(schema={"t_ns": pl.Int64, "force_x_N": pl.Float64})})
+    assert _tabs(run) == {"Overview": ["Answer"], "Provenance": ["Settings", "Provenance"]}
+    write_recording(run, tmp_path / "empty.rrd")

@@ -1,0 +1,69 @@
+"""The texts: the answer first, and why there is none."""
+
+import polars as pl
+
+from analysis import Run
+from recordings.texts import headline, number, plus_minus, recording_name, summary, texts
+
+
+def test_the_answer_begins_with_the_pooled_mass_and_its_standard_deviation(drives):
+    run = drives(60.0)
+    mass, std = run.frames["masses"].filter(method="pooled").row(0)[1:3]
+    assert headline(run) == f"{mass:.0f} ± {std:.0f} kg (pooled, one standard deviation)"
+    assert texts(run)["answer"].startswith(f"# {headline(run)}")
+
+
+def test_a_withheld_mass_says_which_checks_failed_with_number_and_limit(drives):
+    answer = texts(drives(60.0, passed=False))["answer"]
+    assert answer.startswith("# This log cannot weigh the machine")
+    assert "**The mass is withheld**" in answer
+    assert "**partial_correlation** is 0.12, must be ≥ 0.5: how well" in answer
+    assert "**relative_std** is 0.8, must be ≤ 0.25" in answer
+
+
+def test_a_log_without_an_accepted_window_says_so(drives):
+    assert "there is no mass" in headline(drives(60.0, accepted=False))
+
+
+def test_every_check_is_listed_also_one_that_does_not_apply(drives):
+    answer = texts(drives(60.0))["answer"]
+    assert "does not apply: **acceleration_gain** – (0.5 to 2)" in answer
+    assert "passed: **partial_correlation** 0.93 (≥ 0.5)" in answer
+
+
+def test_a_person_reads_the_local_time_of_the_machine(drives):
+    assert "2023-11-14 19:13:20 America/Santiago" in texts(drives(60.0))["answer"]
+
+
+def test_losses_and_notes_stand_in_the_answer_and_inputs_with_their_hash_in_the_provenance(drives):
+    written = texts(drives(60.0))
+    assert "lost: shift.bag /imu: 3 messages could not be decoded" in written["answer"]
+    assert "force share" in written["answer"]
+    assert "ab" * 32 in written["provenance"]
+    assert "| verdict.partial_correlation_min | 0.5 |" in written["settings"]
+    assert '"empty_mass_kg": 2850.0' in written["settings"]
+
+
+def test_the_calibration_is_written_only_where_there_is_one(drives):
+    assert "reference = " in texts(drives(60.0))["calibration"]
+    assert "calibration" not in texts(drives(60.0, calibration=False))
+
+
+def test_a_run_of_nothing_still_has_its_texts():
+    written = texts(Run({}))
+    assert set(written) == {"answer", "settings", "provenance"}
+    assert recording_name(Run({}).provenance) == "payscope"
+    assert summary(Run({"masses": pl.DataFrame()})).startswith("No window")
+
+
+def test_numbers_are_short_and_a_value_ends_where_its_standard_deviation_does():
+    assert [number(x) for x in (None, True, 12345.6, 0.123456, "a")] == [
+        "–",
+        "yes",
+        "12\u202f346",
+        "0.1235",
+        "a",
+    ]
+    assert plus_minus(3517.93, 24.86) == "3518 ± 25"
+    assert plus_minus(1.23456, 0.0123) == "1.235 ± 0.012"
+    assert plus_minus(3517.93, None) == "3518"

@@ -1,0 +1,65 @@
+"""The real viewer opens a recording, and no view of any tab complains."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from analysis import Run
+from estimators.errors import OutputError, RecordingError
+from recordings import write_recording
+from recordings.table import TABS
+from recordings.viewer import screenshots
+
+DRIVERS = [
+    *Path("/usr/share/vulkan/icd.d").glob("*.json"),
+    *Path("/etc/vulkan/icd.d").glob("*.json"),
+]
+viewer = [
+    pytest.mark.viewer,
+    pytest.mark.skipif(
+        not DRIVERS, reason="no Vulkan driver; Debian: apt-get install mesa-vulkan-drivers"
+    ),
+]
+EMPTY_WITHOUT_ESTIMATES = ("Estimates", "Residuals")
+
+
+class TestViewer:
+    pytestmark = viewer
+
+    @pytest.mark.parametrize(
+        "options",
+        [{}, {"duration_s": 700.0}, {"accepted": False}],
+        ids=["short", "long", "nothing accepted"],
+    )
+    def test_every_tab_activated_in_turn_is_drawn_without_one_view_error(
+        self, drives, tmp_path: Path, options: dict
+    ):
+        path = write_recording(drives(**options), tmp_path / "shift.rrd")
+        drawn = screenshots(path, tmp_path)
+        named = [tab.name for tab in TABS]
+        assert [each.tab for each in drawn] == [
+            name
+            for name in named
+            if options.get("accepted", True) or name not in EMPTY_WITHOUT_ESTIMATES
+        ]
+        assert [error for each in drawn for error in each.errors] == []
+        sizes = [each.png.stat().st_size for each in drawn]
+        assert min(sizes) > 20_000
+        assert len({each.png.read_bytes() for each in drawn}) == len(drawn)
+
+
+def test_a_missing_recording_or_folder_is_said_before_any_viewer_starts(tmp_path: Path):
+    with pytest.raises(RecordingError, match="no such recording"):
+        screenshots(tmp_path / "missing.rrd", tmp_path)
+    path = write_recording(Run({}), tmp_path / "empty.rrd")
+    with pytest.raises(OutputError, match="no such folder"):
+        screenshots(path, tmp_path / "nowhere")
+
+
+def test_importing_the_package_loads_neither_the_viewer_nor_the_plots():
+    code = "import sys, recordings; print([m for m in ('rerun', 'matplotlib') if m in sys.modules])"
+    command = [sys.executable, "-c", code]
+    shown = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert shown.stdout.strip() == "[]"
