@@ -66,7 +66,8 @@ def _grid(
 ) -> Ints:
     """Lattice points from start to end, without the inside of holes longer than the limit."""
     holes = [
-        (int(t[i] + fresh_ns[name]), int(t[i + 1]))
+        # in integers: a float holds unix time to a quarter of a microsecond only
+        (int(t[i]) + round(fresh_ns[name]), int(t[i + 1]))
         for name, t in series.items()
         for i in np.flatnonzero(np.diff(t) > fresh_ns[name] + _LONGEST_HOLE_S * 1e9)
     ]
