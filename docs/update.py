@@ -1,0 +1,93 @@
+"""Run the commands in the documentation and put their real output below them.
+
+    python docs/update.py            rewrite README.md and docs/*.md
+    python docs/update.py --check    exit 1 when what is written is not what comes out
+
+A block begins with ```console; each line `$ payscope …` in it is run in one temporary folder, page
+after page, so that a page may use what one before it made. Numbers may differ by 1 % between
+machines before a check fails.
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+REPO = Path(__file__).resolve().parent.parent
+PAGES = (
+    REPO / "README.md",
+    *(REPO / "docs" / f"{name}.md" for name in ("first-recording", "machine-file", "commands")),
+)
+_BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
+_NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
+
+
+def updated(page: str, folder: Path) -> str:
+    """The page with the output of its commands as it is now."""
+    return _BLOCK.sub(lambda block: f"```console\n{_run_block(block[1], folder)}```", page)
+
+
+def same(written: str, now: str) -> bool:
+    """Whether two pages agree, numbers to 1 %."""
+    if _NUMBER.sub("#", written).split() != _NUMBER.sub("#", now).split():
+        return False
+    pairs = zip(_NUMBER.findall(written), _NUMBER.findall(now), strict=True)
+    return all(_close(_value(a), _value(b)) for a, b in pairs)
+
+
+def _value(number: str) -> float:
+    return float(number.replace(",", ""))
+
+
+def _close(a: float, b: float) -> bool:
+    return abs(a - b) <= max(0.01 * max(abs(a), abs(b)), 0.11)
+
+
+def _run_block(block: str, folder: Path) -> str:
+    commands = [line for line in block.splitlines() if line.startswith("$ ")]
+    return "".join(f"{line}\n{_output(line[2:], folder)}" for line in commands)
+
+
+def _output(command: str, folder: Path) -> str:
+    scripts = str(Path(sys.executable).parent)
+    left = subprocess.run(
+        command,
+        shell=True,
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        check=False,
+        env={
+            **os.environ,
+            "PATH": f"{scripts}:{os.environ['PATH']}",
+            "COLUMNS": "96",
+            "TERM": "dumb",
+            "NO_COLOR": "1",
+        },
+    )
+    if left.returncode not in (0, 1, 2):
+        raise SystemExit(f"{command}: exit status {left.returncode}\n{left.stdout}")
+    return "\n".join(line.rstrip() for line in left.stdout.rstrip().splitlines()) + "\n"
+
+
+def main(check: bool) -> int:
+    """Update or check every page; the number of pages that differ when checking."""
+    differ = 0
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "examples").symlink_to(REPO / "examples")
+        for page in PAGES:
+            written = page.read_text(encoding="utf-8")
+            now = updated(written, Path(folder))
+            if not check:
+                page.write_text(now, encoding="utf-8")
+            elif not same(written, now):
+                differ += 1
+                print(f"{page}: the output written there is not what comes out; run `make docs`")
+    return differ
+
+
+if __name__ == "__main__":
+    sys.exit(main("--check" in sys.argv[1:]))

@@ -1,0 +1,67 @@
+"""A small machine for the tests of the command line: its log, its machine file, what was said."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command left: its exit status and what it wrote."""
+
+    status: int
+    out: str
+    err: str
+
+
+Payscope = Callable[..., Said]
+
+
+MACHINE = """
+[machine]
+name = "sledge"
+empty_mass_kg = 100.0
+timezone = "Europe/Paris"
+
+[log]
+time = "time_s"
+
+[channels.force_x_N]
+field = "force_N"
+
+[channels.speed_x_m_s]
+field = "speed_m_s"
+
+[channels.acc_x_m_s2]
+field = "acc_m_s2"
+
+[settings]
+acceleration = "kinematic"
+"""
+
+
+def sledge(seconds: float = 40.0, mass_kg: float = 120.0, rate_hz: float = 100.0) -> pl.DataFrame:
+    """A sledge pushed from rest to a steady speed every ten seconds, and braked."""
+    rng = np.random.default_rng(7)
+    t = np.arange(round(seconds * rate_hz)) / rate_hz
+    cycle = t % 10.0
+    friction = 60.0
+    acc = np.select(
+        [cycle < 4.0, cycle < 6.0, cycle < 8.0, cycle < 9.0], [0.0, 1.0, 0.0, -2.0], 0.0
+    )
+    speed = np.select(
+        [cycle < 4.0, cycle < 6.0, cycle < 8.0, cycle < 9.0],
+        [0.0, cycle - 4.0, 2.0, 2.0 - 2.0 * (cycle - 8.0)],
+        0.0,
+    )
+    force = mass_kg * acc + friction * speed
+    return pl.DataFrame(
+        {
+            "time_s": t,
+            "force_N": force + rng.normal(0, 1.0, t.size),
+            "speed_m_s": speed + rng.normal(0, 0.002, t.size),
+            "acc_m_s2": acc + rng.normal(0, 0.01, t.size),
+        }
+    )
