@@ -51,9 +51,11 @@ class StoredColumn(BaseModel):
         """Describe `series`; a drawable one has its missing numbers stored as NaN.
 
         Raises:
-            OutputError: its dtype cannot be stored.
+            OutputError: its dtype cannot be stored, or it has no name.
         """
         dtype = series.dtype
+        if not series.name:
+            raise OutputError("a column without a name cannot be stored; name it in the log")
         if isinstance(dtype, pl.Enum):
             categories = tuple(dtype.categories.to_list())
             return cls(name=series.name, dtype=_ENUM, categories=categories)
