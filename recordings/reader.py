@@ -144,7 +144,9 @@ def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColum
     import pyarrow as pa
 
     wanted = [component(column.name) for column in columns]
-    chunks = store.stream().filter(content=stored.entity, components=wanted)
+    # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
+    below = store.stream().filter(content=f"{stored.entity}/**", components=wanted)
+    chunks = (chunk for chunk in below if chunk.entity_path == stored.entity)
     # a row id grows with every row that is written; the store gives chunks in no fixed order
     batches = sorted((chunk.to_record_batch() for chunk in chunks), key=_first_row_id)
     if not batches:

@@ -8,6 +8,7 @@ as NaN; `raw` fields, which are not drawn and may hold both, keep their nulls.
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final, Literal, Self
 
+import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict
 
@@ -51,9 +52,11 @@ class StoredColumn(BaseModel):
         """Describe `series`; a drawable one has its missing numbers stored as NaN.
 
         Raises:
-            OutputError: its dtype cannot be stored.
+            OutputError: its dtype cannot be stored, or it has no name.
         """
         dtype = series.dtype
+        if not series.name:
+            raise OutputError("a column without a name cannot be stored; name it in the log")
         if isinstance(dtype, pl.Enum):
             categories = tuple(dtype.categories.to_list())
             return cls(name=series.name, dtype=_ENUM, categories=categories)
@@ -121,13 +124,13 @@ class StoredFrame(BaseModel):
 
         arrays = _timelines(part, self.rows_by, first_row, t0_ns)
         fields = [pa.field(name, array.type) for name, array in arrays.items()]
+        # a list of one value a row: a bare null would become a row without any value
+        starts = pa.array(np.arange(part.height + 1, dtype=np.int32))
         for column in self.columns:
             name = component(column.name)
             values = column.encode(part[column.name]).to_arrow()
             if pa.types.is_large_string(values.type):
                 values = values.cast(pa.string())
-            # a list of one value a row: a bare null would become a row without any value
-            starts = pa.array(range(part.height + 1), pa.int32())
             arrays[name] = pa.ListArray.from_arrays(starts, values)
             metadata = {"rerun:entity_path": self.entity, "rerun:component": name}
             fields.append(pa.field(name, arrays[name].type, metadata=metadata))
@@ -168,7 +171,7 @@ def _timelines(
     import pyarrow as pa
 
     if rows_by == ROW:
-        return {ROW: pa.array(range(first_row, first_row + part.height), pa.int64())}
+        return {ROW: pa.array(np.arange(first_row, first_row + part.height))}
     since_start = part[rows_by] - t0_ns if rows_by == "log_time_ns" else part[rows_by]
     return {
         TIME: (since_start + t0_ns).to_arrow().cast(pa.timestamp("ns")),

@@ -80,6 +80,10 @@ def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str
     return View(name, Kind.LINES, drawn, threshold)
 
 
+def _wild(name: str, frame: str, column: str, label: str = "") -> View:
+    return View(name, Kind.LINES, (Series(frame, column, label),), wild=True)
+
+
 def _band(name: str, frame: str, column: str, std: str, label: str = "") -> View:
     return View(name, Kind.BANDS, (Series(frame, column, label, std),), wild=True)
 
@@ -122,11 +126,8 @@ TABS: Final = (
         (
             _INDEX,
             _lines("Correlation of acceleration and force", "gate", corr_x_1="correlation"),
-            View(
-                "Predicted standard deviation of the mass",
-                Kind.LINES,
-                (Series("gate", "predicted_std_x", "predicted"),),
-                wild=True,
+            _wild(
+                "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
             _DECISIONS,
         ),
@@ -142,18 +143,8 @@ TABS: Final = (
     Tab(
         "Residuals",
         (
-            View(
-                "Residual r.m.s.",
-                Kind.LINES,
-                (Series("estimates", "residual_rms_N", ""),),
-                wild=True,
-            ),
-            View(
-                "Condition number",
-                Kind.LINES,
-                (Series("estimates", "condition_1", ""),),
-                wild=True,
-            ),
+            _wild("Residual r.m.s.", "estimates", "residual_rms_N"),
+            _wild("Condition number", "estimates", "condition_1"),
         ),
     ),
     Tab(
@@ -247,57 +238,27 @@ PAGE: Final = (
 #: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
 #: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
 KEPT: Final[dict[str, tuple[str, ...]]] = {
-    "aligned": ("t_ns", "latitude_deg", "longitude_deg", "direction_x_1"),
-    "excitation": (
-        "t_ns",
-        "direction_x_1",
-        "speed_left_m_s",
-        "speed_right_m_s",
-        "specific_force_y_m_s2",
-        "specific_force_z_m_s2",
-        "roll_rate_rad_s",
-        "pitch_rate_rad_s",
-        "yaw_rate_rad_s",
-        "yaw_acc_rad_s2",
-        "pitch_rad",
-        "roll_rad",
-    ),
-    "gate": ("t_ns", "accepted_x"),
-    "estimates": ("t_ns",),
-    "segments": (
-        "segment_id",
-        "start_t_ns",
-        "end_t_ns",
-        "samples",
-        "samples_accepted",
-        "condition_1",
-    ),
-    "masses": (
-        "method",
-        "mass_kg",
-        "mass_std_kg",
-        "friction_x_N_s_m",
-        "friction_x_std_N_s_m",
-        "coulomb_x_N",
-        "coulomb_x_std_N",
-        "payload_kg",
-        "rows",
-        "withheld",
-    ),
-    "verdict": ("check", "value", "minimum", "maximum", "passed", "meaning"),
-    "calibration": (
-        "method",
-        "load_kg",
-        "reference_kg",
-        "runs",
-        "estimate_kg",
-        "estimate_std_kg",
-        "alpha_1",
-        "beta_kg",
-        "calibrated_kg",
-        "error_kg",
-        "error_left_out_kg",
-    ),
+    frame: tuple(names.split())
+    for frame, names in {
+        "aligned": "t_ns latitude_deg longitude_deg direction_x_1",
+        "excitation": (
+            "t_ns direction_x_1 speed_left_m_s speed_right_m_s "
+            "specific_force_y_m_s2 specific_force_z_m_s2 "
+            "roll_rate_rad_s pitch_rate_rad_s yaw_rate_rad_s yaw_acc_rad_s2 pitch_rad roll_rad"
+        ),
+        "gate": "t_ns accepted_x",
+        "estimates": "t_ns",
+        "segments": "segment_id start_t_ns end_t_ns samples samples_accepted condition_1",
+        "masses": (
+            "method mass_kg mass_std_kg friction_x_N_s_m friction_x_std_N_s_m "
+            "coulomb_x_N coulomb_x_std_N payload_kg rows withheld"
+        ),
+        "verdict": "check value minimum maximum passed meaning",
+        "calibration": (
+            "method load_kg reference_kg runs estimate_kg estimate_std_kg "
+            "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"
+        ),
+    }.items()
 }
 
 

@@ -116,6 +116,6 @@ def _verify(run: Run, partial: Path, path: Path) -> None:
         for name, frame in run.frames.items():
             back = read_frame(partial, name)
             if back.schema != frame.schema or not back.equals(frame):
-                raise OutputError(f"{path}: '{name}' read back differs; is the disk full?")
+                raise OutputError(f"{path}: '{name}' read back differs, so nothing was kept")
     except RecordingError as error:
-        raise OutputError(f"{path}: was written but cannot be read; is the disk full?") from error
+        raise OutputError(f"{path}: cannot be read back; is the disk full?") from error

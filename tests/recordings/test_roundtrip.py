@@ -191,6 +191,11 @@ def test_a_dtype_that_cannot_be_stored_leaves_no_half_file(tmp_path: Path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_column_without_a_name_is_refused_in_one_line(tmp_path: Path):
+    with pytest.raises(OutputError, match="column without a name"):
+        write_recording(Run({"raw/table": pl.DataFrame({"": [1.0]})}), tmp_path / "shift.rrd")
+
+
 def test_provenance_that_json_cannot_hold_is_refused_rather_than_changed(tmp_path: Path):
     run = Run({}, Provenance(machine={"position_m": (1.0, 2.0)}))
     with pytest.raises(OutputError, match="plain JSON"):
