@@ -4,7 +4,7 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 
-.PHONY: demo test lint types tests lock clean help
+.PHONY: demo test lint types tests docs campaign lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -36,6 +36,12 @@ $(RUN_STAMP): requirements.lock pyproject.toml | $(BIN)/python
 $(TEST_STAMP): requirements-dev.lock $(RUN_STAMP)
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
 	@touch $@
+
+docs: $(TEST_STAMP) ## run the documentation's commands and write down what comes out
+	$(BIN)/python docs/update.py
+
+campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
+	$(BIN)/python benchmarks/campaign.py
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \

@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.phases import span_rows
 from analysis.regressor import straight
 from analysis.schema import REASON, build, values
 from analysis.settings import Settings
@@ -103,7 +104,7 @@ def accepted_samples(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Se
     phase = excitation["phase"]
     used &= (phase != "standstill").fill_null(True).to_numpy()
     if settings.exclude_braking:
-        lag = round(settings.speed_rate_span_s * settings.rate_hz) + settings.smooth_samples
+        lag = span_rows(settings) + settings.smooth_samples
         braking = (phase == "braking").fill_null(False).to_numpy()
         used &= ~windows_with(braking[::-1], lag)[::-1]
     return used

@@ -15,10 +15,15 @@ Floats = NDArray[np.float64]
 
 def speed_rate(speed: Floats, settings: Settings) -> Floats:
     """The change of speed over the last `speed_rate_span_s`, (rows,) in m/s²; looks back only."""
-    span = min(max(1, round(settings.speed_rate_span_s * settings.rate_hz)), speed.size)
+    span = min(span_rows(settings), speed.size)
     rate = np.full(speed.size, np.nan)
     rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.rate_hz / span
     return rate
+
+
+def span_rows(settings: Settings) -> int:
+    """Rows that the speed rate looks back."""
+    return max(1, round(settings.speed_rate_span_s * settings.rate_hz))
 
 
 def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
@@ -40,6 +45,8 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
     yaw_acc = values(smoothed, "yaw_acc_rad_s2")
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = speed_rate(yaw_rate, settings)
+    # v·dv/dt over the span is the change of v²/2: at a stop the sign of v alone would be noise
+    mean_speed = speed - rate * span_rows(settings) / settings.rate_hz / 2.0
     turning = np.abs(yaw_rate) > settings.turning_rate_rad_s
     slow = np.abs(speed) < settings.standstill_speed_m_s
     steady = np.abs(rate) <= settings.steady_acc_m_s2
@@ -52,7 +59,7 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
             turning,
             slow & steady,
             steady,
-            speed * rate > 0,
+            mean_speed * rate > 0,
         ],
         ["", "spinning", "arc", "turning", "standstill", "cruising", "accelerating"],
         default="braking",

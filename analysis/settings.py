@@ -12,16 +12,30 @@ class VerdictLimits(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    partial_correlation_min: float = Field(0.5, ge=-1, le=1)
-    relative_std_max: float = Field(0.25, gt=0)
-    r_squared_min: float = Field(0.5, le=1)
-    opposing_share_min: float = Field(0.05, ge=0, le=1)
-    driving_share_min: float = Field(0.6, ge=0, le=1)
-    acceleration_gain_min: float = Field(0.5)
-    acceleration_gain_max: float = Field(2.0, gt=0)
-    accepted_stretches_min: int = Field(1, ge=0)
-    empty_mass_ratio_min: float = Field(0.25, ge=0)
-    empty_mass_ratio_max: float = Field(4.0, gt=0)
+    partial_correlation_min: float = Field(
+        0.5, ge=-1, le=1, description="least correlation of acceleration and force given the speed"
+    )
+    relative_std_max: float = Field(0.25, gt=0, description="largest standard deviation over mass")
+    r_squared_min: float = Field(
+        0.5, le=1, description="least share of the force's variance explained"
+    )
+    opposing_share_min: float = Field(
+        0.05, ge=0, le=1, description="least share of decelerating samples with opposing force"
+    )
+    driving_share_min: float = Field(
+        0.6, ge=0, le=1, description="least share of accelerating samples with driving force"
+    )
+    acceleration_gain_min: float = Field(
+        0.5, description="least slope of accelerometer on wheel acceleration"
+    )
+    acceleration_gain_max: float = Field(2.0, gt=0, description="largest such slope")
+    accepted_stretches_min: int = Field(1, ge=0, description="fewest disjoint accepted stretches")
+    empty_mass_ratio_min: float = Field(
+        0.25, ge=0, description="least ungated mass over empty mass"
+    )
+    empty_mass_ratio_max: float = Field(
+        4.0, gt=0, description="largest ungated mass over empty mass"
+    )
 
 
 class Settings(BaseModel):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
+from analysis.phases import span_rows
 from analysis.regressor import straight
 from analysis.schema import build, values
 from analysis.settings import Settings
@@ -172,9 +173,8 @@ def _acceleration_gain(excitation: pl.DataFrame, used: Bools, settings: Settings
     The accelerometer is averaged over the span of the speed rate first, so that both have the
     same delay.
     """
-    span = max(1, round(settings.speed_rate_span_s * settings.rate_hz))
     wheels = values(excitation, "speed_rate_x_m_s2")
-    imu = trailing_mean(values(excitation, "specific_force_x_m_s2"), span)
+    imu = trailing_mean(values(excitation, "specific_force_x_m_s2"), span_rows(settings))
     used = used & np.isfinite(wheels) & np.isfinite(imu)
     if used.sum() < _ENOUGH:
         return float("nan")

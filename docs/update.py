@@ -8,6 +8,7 @@ after page, so that a page may use what one before it made. Numbers may differ b
 machines before a check fails.
 """
 
+import json
 import os
 import re
 import subprocess
@@ -15,18 +16,33 @@ import sys
 import tempfile
 from pathlib import Path
 
+from analysis.settings import Settings, VerdictLimits
+
 REPO = Path(__file__).resolve().parent.parent
 PAGES = (
     REPO / "README.md",
     *(REPO / "docs" / f"{name}.md" for name in ("first-recording", "machine-file", "commands")),
 )
 _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
+_SETTINGS = re.compile(r"(<!-- settings -->).*?(<!-- end of settings -->)", re.DOTALL)
 _NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 
 
 def updated(page: str, folder: Path) -> str:
-    """The page with the output of its commands as it is now."""
+    """The page with the output of its commands, and the settings, as they are now."""
+    page = _SETTINGS.sub(lambda found: f"{found[1]}\n{settings_table()}\n{found[2]}", page)
     return _BLOCK.sub(lambda block: f"```console\n{_run_block(block[1], folder)}```", page)
+
+
+def settings_table() -> str:
+    """Every setting with its default and meaning, from where it is declared."""
+    rows = ["| setting | default | meaning |", "|---|---|---|"]
+    for prefix, model in (("", Settings), ("verdict.", VerdictLimits)):
+        for name, field in model.model_fields.items():
+            if name != "verdict":
+                default = json.dumps(field.default)
+                rows.append(f"| `{prefix}{name}` | `{default}` | {field.description or ''} |")
+    return "\n".join(rows)
 
 
 def same(written: str, now: str) -> bool:

@@ -34,6 +34,7 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 @contextmanager
 def whole_file(target: Path, *, force: bool) -> Generator[Path]:
     """A name to write one file under; it moves to `target` when it is whole."""
+    _refuse_folder(target)
     with staged([target], force=force) as stage:
         yield stage / target.name
 
@@ -44,11 +45,19 @@ def check_output(target: Path, *, force: bool) -> None:
     Raises:
         OutputError: the target is there already, or its folder cannot be written to.
     """
+    _refuse_folder(target)
     _stage([target], force=force).rmdir()
+
+
+def _refuse_folder(target: Path) -> None:
+    if target.is_dir():
+        raise OutputError(f"{target}: is a folder; name a file in it")
 
 
 def _stage(targets: Sequence[Path], *, force: bool) -> Path:
     folder = targets[0].parent
+    if not folder.is_dir():
+        raise OutputError(f"{targets[0]}: no folder '{folder}'; create it first")
     try:
         for target in targets:
             _refuse_to_overwrite(target, force=force)
@@ -56,7 +65,7 @@ def _stage(targets: Sequence[Path], *, force: bool) -> Path:
     except OSError as error:
         raise OutputError(
             f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
-            "name a folder that is there and that you may write in"
+            "name a folder that you may write in"
         ) from None
 
 
@@ -64,7 +73,7 @@ def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
     if target.is_dir() and not (target / "metadata.yaml").is_file():
         raise OutputError(f"{target}: is a folder and no rosbag2 directory; name another output")
     if target.exists() and not force:
-        raise OutputError(f"{target}: is there already; name another output, or give --force")
+        raise OutputError(f"{target}: exists already; name another output, or give --force")
 
 
 def _move(written: Path, target: Path) -> None:

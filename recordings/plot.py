@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
-from uuid import uuid4
 from warnings import catch_warnings, filterwarnings
 
 import numpy as np
@@ -22,6 +21,7 @@ from recordings.display import (
     span_ns,
     stands_alone,
 )
+from recordings.output import check_output, whole_file
 from recordings.table import PAGE, STATE, View
 from recordings.texts import local_time, summary
 
@@ -59,7 +59,9 @@ def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
     from matplotlib.figure import Figure
 
     path = Path(path)
-    _check(path, force=force)
+    if path.suffix.lower() not in SUFFIXES:
+        raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
+    check_output(path, force=force)
     lines = summary(run).splitlines()
     shown = display_frames(run)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_of(view, run, shown))]
@@ -72,26 +74,13 @@ def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
     _draw_views(parts[1], views, run, shown)
     if points.height:
         _draw_calibration(parts[2], points)
-    partial = path.with_name(f".{uuid4().hex[:8]}.partial{path.suffix}")
-    try:
-        with catch_warnings():
-            filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
-            figure.savefig(partial, dpi=_DPI)
-        partial.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with (
+        whole_file(path, force=force) as partial,
+        catch_warnings(),
+    ):
+        filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
+        figure.savefig(partial, dpi=_DPI)
     return path
-
-
-def _check(path: Path, *, force: bool) -> None:
-    if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
-    if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; choose another name or give --force")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path}: no folder '{path.parent}'; create it first")
 
 
 def _write_answer(part: "SubFigure", lines: list[str]) -> None:

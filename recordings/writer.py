@@ -11,6 +11,7 @@ from analysis.run import Run
 from estimators.errors import OutputError, RecordingError
 from recordings.blueprint import blueprint, text_entity
 from recordings.display import display_frames
+from recordings.output import whole_file
 from recordings.reader import FORMAT, PROPERTY, read_frame, read_provenance
 from recordings.stored import Manifest, StoredFrame
 from recordings.table import ROW, SINCE_START, TIME
@@ -42,32 +43,10 @@ def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
             stored, or what was read back differs.
     """
     path = Path(path)
-    partial = _partial(path, force=force)
-    try:
+    with whole_file(path, force=force) as partial:
         _write(run, partial)
         _verify(run, partial, path)
-        partial.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    finally:
-        partial.unlink(missing_ok=True)
     return path
-
-
-def _partial(path: Path, *, force: bool) -> Path:
-    """The temporary name beside `path`, after checking that both can be written."""
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder; name a file in it")
-    if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; choose another name or give --force")
-    if not path.parent.is_dir():
-        raise OutputError(f"{path}: no folder '{path.parent}'; create it first")
-    partial = path.with_name(f".{path.name}.{uuid4().hex[:8]}.partial")
-    try:
-        partial.touch()
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-    return partial
 
 
 def _write(run: Run, partial: Path) -> None:

@@ -180,7 +180,7 @@ def test_a_missing_folder_is_named_and_nothing_is_written(tmp_path: Path):
 
 
 def test_a_folder_that_refuses_files_is_one_line():
-    with pytest.raises(OutputError, match=r"^/proc/shift\.rrd: cannot be written \(.*\)$"):
+    with pytest.raises(OutputError, match=r"^/proc/shift\.rrd: cannot write in '/proc' \(.*\);"):
         write_recording(Run({}), "/proc/shift.rrd")
 
 

@@ -147,7 +147,7 @@ def test_nothing_is_overwritten_without_force_and_everything_with_it(tmp_path, s
     output = named(tmp_path, suffix)
     simulate(ONE, output)
     before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
-    with pytest.raises(OutputError, match="is there already; name another output, or give --force"):
+    with pytest.raises(OutputError, match="exists already; name another output, or give --force"):
         simulate(ONE, output)
     assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
     other = ONE.model_copy(update={"sensors": ONE.sensors.model_copy(update={"seed": 7})})
@@ -183,8 +183,8 @@ def test_a_folder_log_replaces_a_file_of_its_name_with_force(tmp_path):
     ("output", "says"),
     [
         ("log.db3", "no format '.db3'; use .bag, .mcap, .csv"),
-        ("absent/log.bag", "cannot write in"),
-        ("file/log.bag", "cannot write in"),
+        ("absent/log.bag", "no folder"),
+        ("file/log.bag", "no folder"),
     ],
 )
 def test_an_output_that_cannot_be_is_refused_in_one_line_and_leaves_nothing(tmp_path, output, says):
