@@ -1,0 +1,41 @@
+"""Draw the documentation's pictures anew: python docs/pictures.py (needs a Vulkan driver)."""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from recordings import plot_run, write_recording
+from recordings.viewer import screenshots
+from replay import load_machine, open_log, run
+from replay.scenario import load_scenario
+from replay.simulate import simulate
+
+DOCS = Path(__file__).resolve().parent
+IMAGES = DOCS / "images"
+#: The tabs that the pages show.
+TABS = {"Overview": "overview.png", "Gate": "gate.png"}
+
+
+def main() -> None:
+    """One log of the paper's campaign: a page by `plot`, and tabs of the viewer."""
+    with tempfile.TemporaryDirectory() as folder:
+        work = Path(folder)
+        logs = simulate(
+            load_scenario(DOCS.parent / "examples/campaign.toml"), work / "campaign.bag"
+        )
+        with open_log(logs[3]) as log:
+            result = run(log, load_machine("cat262c.toml"))
+        plot_run(result, work / "page.png")
+        shutil.copyfile(work / "page.png", IMAGES / "page.png")
+        for shot in screenshots(write_recording(result, work / "first.rrd"), work):
+            if shot.tab in TABS:
+                shutil.copyfile(shot.png, IMAGES / TABS[shot.tab])
+    for picture in IMAGES.glob("*.png"):
+        # a palette is enough for lines, and a third of the size
+        Image.open(picture).convert("RGB").quantize(128).save(picture, optimize=True)
+
+
+if __name__ == "__main__":
+    main()
