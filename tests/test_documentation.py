@@ -1,0 +1,98 @@
+"""The documentation tells the truth: commands run, outputs are real, links lead somewhere."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import typer
+
+from analysis.settings import Settings
+from replay.cli import app
+
+REPO = Path(__file__).resolve().parent.parent
+PAGES = sorted([REPO / "README.md", REPO / "CHANGELOG.md", *(REPO / "docs").rglob("*.md")])
+
+
+def _commands() -> list[str]:
+    return sorted(typer.main.get_command(app).commands)  # pyright: ignore
+
+
+def test_every_command_has_help_and_a_section_with_its_help() -> None:
+    page = (REPO / "docs/commands.md").read_text(encoding="utf-8")
+    for name in _commands():
+        assert f"## `payscope {name}`" in page
+        command = typer.main.get_command(app).commands[name]  # pyright: ignore
+        assert command.help
+        for parameter in command.params:
+            assert parameter.help or parameter.name == "help", f"{name} {parameter.name}"
+
+
+def test_every_setting_is_documented() -> None:
+    page = (REPO / "docs/machine-file.md").read_text(encoding="utf-8")
+    for name, field in Settings.model_fields.items():
+        assert name == "verdict" or f"| `{name}` |" in page
+        assert name == "verdict" or field.description
+
+
+def test_every_command_in_the_documentation_gives_the_output_written_there() -> None:
+    left = subprocess.run(
+        [sys.executable, REPO / "docs/update.py", "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=REPO,
+    )
+    assert left.returncode == 0, left.stdout + left.stderr
+
+
+def test_the_library_example_of_the_readme_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from analysis.simulation import Scenario
+    from replay.simulate import simulate
+
+    short = Scenario()
+    short = short.model_copy(
+        update={"campaign": short.campaign.model_copy(update={"loads_kg": (0.0,), "runs": 2})}
+    )
+    (tmp_path / "demo").mkdir()
+    simulate(short, tmp_path / "demo/campaign_000kg.bag")
+    monkeypatch.chdir(tmp_path)
+    text = (REPO / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names: dict[str, object] = {}
+    exec(example, names)
+    assert (tmp_path / "shift.rrd").exists()
+    assert names["masses"].height > 0  # pyright: ignore
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(REPO)))
+def test_links_within_the_repository_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), f"{page}: {target}"
+
+
+def test_every_example_machine_file_is_valid() -> None:
+    from replay import load_machine
+    from replay.scenario import load_scenario
+
+    for path in sorted((REPO / "examples").glob("*.toml")):
+        if path.name == "campaign.toml":
+            load_scenario(path)
+        else:
+            load_machine(path)
+
+
+def test_no_file_names_a_package_index_or_a_path_of_the_makers_machine() -> None:
+    tracked = subprocess.run(
+        ["git", "ls-files", "-z"], capture_output=True, text=True, cwd=REPO, check=False
+    ).stdout.split("\0")
+    index = re.compile(r"(pypi\.org|pythonhosted|/simple/|/packages/[0-9a-f]{2}/)")
+    for name in filter(None, tracked):
+        path = REPO / name
+        if path.suffix in (".png",) or not path.is_file() or path == Path(__file__):
+            continue
+        assert not index.search(path.read_text(encoding="utf-8")), name
+    assert "uv.lock" not in tracked
