@@ -1,9 +1,9 @@
 """Recursive least squares (12)-(15) with exponential forgetting.
 
 Starts from the OLS estimate of the first accepted window with P₀ = I/σ², σ² the smallest variance
-of the data matrix's columns that vary. The printed (13)-(14) mix A and its transpose; in one form, a sample
-at a time: K = P a / (λ + aᵀ P a), P ← (P - K aᵀ P) / λ. Sliding windows share samples, so each
-sample is fed once, over the union of the accepted windows.
+of the data matrix's columns that vary. The printed (13)-(14) mix A and its transpose; in one form,
+a sample at a time: K = P a / (λ + aᵀ P a), P ← (P - K aᵀ P) / λ. Sliding windows share samples, so
+each sample is fed once, over the union of the accepted windows.
 """
 
 from dataclasses import dataclass
