@@ -35,7 +35,11 @@ def changed(excitation, rows, **columns):
     number = pl.int_range(pl.len())
     inside = number.is_between(rows.start, rows.stop - 1)
     return excitation.with_columns(
-        pl.when(inside).then(pl.lit(value)).otherwise(pl.col(name)).cast(excitation[name].dtype).alias(name)
+        pl.when(inside)
+        .then(pl.lit(value))
+        .otherwise(pl.col(name))
+        .cast(excitation[name].dtype)
+        .alias(name)
         for name, value in columns.items()
     )
 
@@ -146,7 +150,7 @@ def test_a_force_at_the_sensors_end_is_saturated(start):
 def test_wheels_that_speed_up_without_the_machine_slip(start):
     assert "slip" not in reasons(start)
     why = reasons(changed(start, range(500, 501), speed_rate_x_m_s2=5.0), slip_acc_m_s2=2.0)
-    assert (why[500 : 550] == "slip").all()
+    assert (why[500:550] == "slip").all()
     assert why[499] == "accepted"
 
 
