@@ -1,7 +1,6 @@
 """Channels in SI units at their own rates."""
 
 import numpy as np
-import polars as pl
 import pytest
 
 from analysis import filters
