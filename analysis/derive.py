@@ -49,7 +49,8 @@ def derive(
             )
             t, x = t, x * channel.scale + channel.offset
         elif channel.mean_of:
-            t, x = _mean(series[channel.mean_of[0]], series[channel.mean_of[1]])
+            first, second = (series[source] for source in channel.mean_of)
+            t, x = _mean(first, second, settings.gap_periods)
             x = x * channel.scale + channel.offset
         else:
             t, x = _pick(name, channel, placed[channel.topic or "table"], losses)
@@ -120,11 +121,13 @@ def _pick(
 
 
 def _mean(
-    a: tuple[filters.Ints, filters.Floats], b: tuple[filters.Ints, filters.Floats]
+    a: tuple[filters.Ints, filters.Floats],
+    b: tuple[filters.Ints, filters.Floats],
+    gap_periods: float,
 ) -> tuple[filters.Ints, filters.Floats]:
-    """The mean of two channels at the stamps of the first, the second held from before."""
+    """The mean of two channels at the stamps of the first, the second held while it is fresh."""
     if np.array_equal(a[0], b[0]):
         return a[0], (a[1] + b[1]) / 2.0
     at = np.searchsorted(b[0], a[0], side="right") - 1
-    known = at >= 0
+    known = (at >= 0) & (a[0] - b[0][at] <= gap_periods * filters.period_ns(b[0]))
     return a[0][known], (a[1][known] + b[1][at[known]]) / 2.0

@@ -33,8 +33,9 @@ def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
     window = settings.window_samples
     A, f = straight(excitation, settings)
     n = f.size
-    missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f))
     phase = excitation["phase"]
+    # a row of unknown phase might be braking, and is in no manoeuvre
+    missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | phase.is_null().to_numpy()
     has_gap = windows_with(missing, window)
     complete = ~has_gap
     complete[: window - 1] = False

@@ -10,7 +10,8 @@ from analysis.schema import CHANNEL_COLUMNS
 from analysis.settings import Settings
 from estimators.errors import nearest
 
-_FORBID = ConfigDict(frozen=True, extra="forbid")
+# TOML can write nan and inf, which are no scale, delay or length
+_FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
 _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
 
@@ -105,6 +106,8 @@ class Channel(BaseModel):
             )
         if self.derive is not None and (self.topic is not None or self.unit is not None):
             raise ValueError("a derived channel takes no 'topic' and no 'unit'")
+        if self.derive is not None and self.delay_s:
+            raise ValueError("a derived channel takes no 'delay_s'; its sources have theirs")
         return self
 
 

@@ -9,15 +9,20 @@ from numpy.typing import NDArray
 
 from analysis.schema import PHASE, values
 from analysis.settings import Settings
+from analysis.smooth import trailing_mean
 
 Floats = NDArray[np.float64]
 
 
 def speed_rate(speed: Floats, settings: Settings) -> Floats:
-    """The change of speed over the last `speed_rate_span_s`, (rows,) in m/s²; looks back only."""
+    """The change of speed over the last `speed_rate_span_s`, (rows,) in m/s²; looks back only.
+
+    NaN where a sample of that span is missing: rows beside a hole may be hours apart.
+    """
     span = min(span_rows(settings), speed.size)
     rate = np.full(speed.size, np.nan)
     rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.rate_hz / span
+    rate[np.isnan(trailing_mean(speed, span + 1))] = np.nan
     return rate
 
 

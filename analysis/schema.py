@@ -243,7 +243,7 @@ def conform(name: str, frame: pl.DataFrame) -> pl.DataFrame:
 
 def build(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
     """Make the frame `name` of arrays; NaN becomes null."""
-    return conform(name, pl.DataFrame(dict(columns), nan_to_null=True))
+    return conform(name, pl.DataFrame(dict(columns)).fill_nan(None))
 
 
 def values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:

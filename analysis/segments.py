@@ -14,6 +14,7 @@ Ints = NDArray[np.int64]
 
 #: A straight manoeuvre is named after the first of these that it contains.
 _TELLING = ("accelerating", "braking", "cruising", "standstill")
+_TURNS = ("spinning", "arc", "turning")
 
 
 def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
@@ -24,7 +25,7 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     or of turning is one each.
     """
     phase = excitation["phase"]
-    alone = ("spinning", "arc", "turning", *(("braking",) if settings.exclude_braking else ()))
+    alone = (*_TURNS, *(("braking",) if settings.exclude_braking else ()))
     known = phase.is_not_null().to_numpy()
     kind = (
         phase.cast(pl.String).replace_strict(
@@ -44,6 +45,9 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         gated: which windows are accepted.
         settings: window, what is refused.
     """
+    refused_for = {**dict.fromkeys(_TURNS, "turning"), "standstill": "standstill"}
+    if settings.exclude_braking:
+        refused_for["braking"] = "braking"
     segment_id = manoeuvres(excitation, settings)
     used = accepted_samples(excitation, gated, settings)
     A, f = straight(excitation, settings)
@@ -92,16 +96,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
             pl.when(pl.col("samples_accepted") > 0)
             .then("reason")
             .otherwise(
-                pl.col("phase").replace_strict(
-                    {
-                        "braking": "braking",
-                        "spinning": "turning",
-                        "arc": "turning",
-                        "turning": "turning",
-                        "standstill": "standstill",
-                    },
-                    default=pl.col("reason"),
-                )
+                pl.col("phase").replace_strict(refused_for, default=pl.col("reason"))
             )
             .cast(REASON),
             pl.col("phase").cast(PHASE),

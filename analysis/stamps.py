@@ -44,9 +44,9 @@ def place(
     for topic, frame in raw.items():
         column = "header_stamp_ns" if headers[topic] else "log_time_ns"
         labels[topic] = "header" if headers[topic] else ("table" if topic == "table" else "log")
-        kept = frame.filter(
-            pl.col(column).is_not_null() & (pl.col(column) != 0 | ~pl.lit(headers[topic]))
-        )
+        kept = frame.filter(pl.col(column).is_not_null())
+        if headers[topic]:
+            kept = kept.filter(pl.col(column) != 0)
         if kept.height < frame.height:
             losses.append(
                 Loss(

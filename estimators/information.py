@@ -80,7 +80,7 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
             else:
                 spread[k] = 0.0
             if spread[k] > 1e-24:
-                rho[k] = max(-1.0, min(1.0, both[4] / np.sqrt(sxx * syy)))
+                rho[k] = max(-1.0, min(1.0, both[4] / (np.sqrt(sxx) * np.sqrt(syy))))
     return rho, spread
 
 

@@ -1,9 +1,9 @@
 """Recursive least squares (12)-(15) with exponential forgetting.
 
 Starts from the OLS estimate of the first accepted window with P₀ = I/σ², σ² the smallest variance
-of the data matrix's columns. The printed (13)-(14) mix A and its transpose; in one form, a sample
-at a time: K = P a / (λ + aᵀ P a), P ← (P - K aᵀ P) / λ. Sliding windows share samples, so each
-sample is fed once, over the union of the accepted windows.
+of the data matrix's columns that vary. The printed (13)-(14) mix A and its transpose; in one form,
+a sample at a time: K = P a / (λ + aᵀ P a), P ← (P - K aᵀ P) / λ. Sliding windows share samples, so
+each sample is fed once, over the union of the accepted windows.
 """
 
 from dataclasses import dataclass
@@ -52,7 +52,10 @@ def start(A: Floats, f: Floats, options: RlsOptions | None = None) -> RlsState:
     del options
     theta = lstsq(A, f)
     residual = f - A @ theta
-    smallest = max(float(A.var(axis=0).min()), np.finfo(float).tiny)
+    variances = A.var(axis=0)
+    # a column that stays the same (Coulomb's sign while driving) would make P₀ infinite
+    varying = variances[variances > 1e-12 * (A**2).mean(axis=0)]
+    smallest = float(varying.min()) if varying.size else 1.0
     return RlsState(theta, np.eye(A.shape[1]) / smallest, float(residual @ residual), f.size)
 
 

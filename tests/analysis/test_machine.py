@@ -1,0 +1,232 @@
+"""The machine file's models: what they refuse, and in which words."""
+
+import pytest
+from pydantic import ValidationError
+
+from analysis.machine import Body, Channel, LogSection, Machine
+
+FORCE = {"force_x_N": {"topic": "/can", "field": "force"}}
+SPEED = {"speed_x_m_s": {"topic": "/can", "field": "speed"}}
+IMU = {"specific_force_x_m_s2": {"topic": "/imu", "field": "x"}}
+TORQUES = {
+    "torque_left_N_m": {"topic": "/can", "field": "left"},
+    "torque_right_N_m": {"topic": "/can", "field": "right"},
+}
+
+
+def load(channels=None, body=None, settings=None, **sections):
+    return Machine.model_validate(
+        {
+            "machine": {"name": "loader", **(body or {})},
+            "channels": FORCE | SPEED | IMU if channels is None else channels,
+            "settings": settings or {},
+            **sections,
+        }
+    )
+
+
+def refusal(*args, **kwargs):
+    with pytest.raises(ValidationError) as error:
+        load(*args, **kwargs)
+    return "; ".join(e["msg"].removeprefix("Value error, ") for e in error.value.errors())
+
+
+def test_a_name_and_three_channels_are_enough():
+    machine = load()
+    assert machine.machine.force_share == 1.0
+    assert machine.machine.gravity_m_s2 == 9.80665
+    assert str(machine.machine.zone) == "UTC"
+    assert machine.settings.window_samples == 320
+    assert machine.log == LogSection()
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        {"body": {"wheel_radius": 0.4}},
+        {"settings": {"windows": 3}},
+        {"fleet": {}},
+        {"log": {"times": "t"}},
+        {"channels": FORCE | SPEED | IMU | {"pitch_rad": {"field": "p", "units": "deg"}}},
+        {"body": {"imu": {"roll": 1.0}}},
+        {"settings": {"verdict": {"r2": 0.5}}},
+    ],
+)
+def test_an_unknown_key_is_refused_in_every_section(sections):
+    assert "Extra inputs are not permitted" in refusal(**sections)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"empty_mass_kg": 0.0},
+        {"empty_mass_kg": -3.0},
+        {"empty_mass_u_kg": -1.0},
+        {"wheel_radius_m": 0.0},
+        {"wheel_radius_u_m": -0.1},
+        {"track_width_m": -1.0},
+        {"track_width_u_m": -0.1},
+        {"force_share": 0.0},
+        {"force_share": 1.1},
+        {"force_share_u": -0.1},
+        {"gravity_m_s2": 1.62},
+        {"gravity_m_s2": 9.95},
+        {"empty_mass_kg": float("nan")},
+        {"empty_mass_kg": float("inf")},
+        {"imu": {"yaw_deg": float("nan")}},
+        {"imu": {"position_m": [1.0, 2.0]}},
+    ],
+    ids=str,
+)
+def test_a_body_that_cannot_be_is_refused(body):
+    assert refusal(body=body)
+
+
+def test_a_time_zone_must_exist():
+    assert str(load(body={"timezone": "America/Santiago"}).machine.zone) == "America/Santiago"
+    assert refusal(body={"timezone": "Santiago"}) == (
+        "no time zone 'Santiago'; use a name like 'America/Santiago' or 'UTC'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("channel", "fault"),
+    [
+        ({}, "give either 'field' (with 'topic') or 'derive'"),
+        (
+            {"field": "x", "derive": "d/dt speed_x_m_s"},
+            "give either 'field' (with 'topic') or 'derive'",
+        ),
+        (
+            {"derive": "integral speed_x_m_s"},
+            'cannot derive \'integral speed_x_m_s\'; use "d/dt NAME" or "mean(NAME, NAME)"',
+        ),
+        (
+            {"derive": "mean(a, b, c)"},
+            'cannot derive \'mean(a, b, c)\'; use "d/dt NAME" or "mean(NAME, NAME)"',
+        ),
+        (
+            {"derive": "d/dt speed_x_m_s", "topic": "/can"},
+            "a derived channel takes no 'topic' and no 'unit'",
+        ),
+        (
+            {"derive": "d/dt speed_x_m_s", "unit": "m/s"},
+            "a derived channel takes no 'topic' and no 'unit'",
+        ),
+        (
+            {"derive": "d/dt speed_x_m_s", "delay_s": 0.1},
+            "a derived channel takes no 'delay_s'; its sources have theirs",
+        ),
+        ({"field": "x", "delay_s": float("inf")}, "Input should be a finite number"),
+        ({"field": "x", "scale": float("nan")}, "Input should be a finite number"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_a_channel_that_cannot_be_is_refused(channel, fault):
+    assert refusal(FORCE | SPEED | IMU | {"acc_x_m_s2": channel}) == fault
+
+
+def test_derivations_are_read_with_any_spacing():
+    rate = Channel(derive="  d/dt   speed_x_m_s ")
+    assert (rate.derivative_of, rate.mean_of) == ("speed_x_m_s", None)
+    assert rate.sources == ("speed_x_m_s",)
+    mean = Channel(derive="mean( speed_left_m_s ,speed_right_m_s)")
+    assert (mean.derivative_of, mean.mean_of) == (None, ("speed_left_m_s", "speed_right_m_s"))
+    assert Channel(field="x").sources == ()
+
+
+@pytest.mark.parametrize(
+    ("channels", "fault"),
+    [
+        (
+            FORCE | SPEED | IMU | {"speed_x_ms": {"field": "x"}},
+            "channels.speed_x_ms: no such column; did you mean 'speed_x_m_s'?",
+        ),
+        (
+            FORCE | SPEED | IMU | {"acc_x_m_s2": {"derive": "d/dt speed_left_m_s"}},
+            "channels.acc_x_m_s2: 'speed_left_m_s' is not among the channels",
+        ),
+        (
+            FORCE
+            | IMU
+            | {
+                "speed_x_m_s": {"derive": "d/dt position_x_m"},
+                "position_x_m": {"derive": "d/dt speed_x_m_s"},
+            },
+            "channels derived in a circle: speed_x_m_s, position_x_m",
+        ),
+        (
+            FORCE | IMU | {"speed_x_m_s": {"derive": "d/dt speed_x_m_s"}},
+            "channels derived in a circle: speed_x_m_s",
+        ),
+        (
+            SPEED | IMU,
+            "no force: give channels.force_x_N, or channels.torque_left_N_m and "
+            "channels.torque_right_N_m",
+        ),
+        (
+            SPEED | IMU | {"torque_left_N_m": {"field": "x"}},
+            "no force: give channels.force_x_N, or channels.torque_left_N_m and "
+            "channels.torque_right_N_m",
+        ),
+        (
+            TORQUES | SPEED | IMU,
+            "wheel torques need machine.wheel_radius_m to become a force (17)",
+        ),
+        (
+            FORCE | IMU,
+            "no speed: give channels.speed_x_m_s, if need be derived: "
+            'derive = "d/dt position_x_m" or "mean(speed_left_m_s, speed_right_m_s)"',
+        ),
+        (
+            FORCE | SPEED,
+            "settings.acceleration is 'specific_force', which needs "
+            "channels.specific_force_x_m_s2; give it, or choose the other of specific_force, "
+            "kinematic",
+        ),
+    ],
+    ids=[
+        "unknown column",
+        "unknown source",
+        "circle",
+        "itself",
+        "no force",
+        "one torque",
+        "no radius",
+        "no speed",
+        "no acceleration",
+    ],
+)
+def test_channels_that_do_not_make_a_regressor_are_refused_with_the_remedy(channels, fault):
+    assert refusal(channels) == fault
+
+
+def test_kinematic_acceleration_needs_its_own_channel():
+    assert "channels.acc_x_m_s2" in refusal(settings={"acceleration": "kinematic"})
+    derived = FORCE | SPEED | {"acc_x_m_s2": {"derive": "d/dt speed_x_m_s"}}
+    assert load(derived, settings={"acceleration": "kinematic"})
+
+
+def test_wheel_torques_with_a_radius_are_a_force():
+    assert load(TORQUES | SPEED | IMU, {"wheel_radius_m": 0.4})
+
+
+def test_channels_are_derived_after_their_sources():
+    chain = FORCE | {
+        "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
+        "speed_x_m_s": {"derive": "mean(speed_left_m_s, speed_right_m_s)"},
+        "speed_right_m_s": {"field": "r"},
+        "speed_left_m_s": {"field": "l"},
+    }
+    order = load(chain, settings={"acceleration": "kinematic"}).derivation_order()
+    assert sorted(order) == sorted(chain)
+    for name in order:
+        for source in Channel.model_validate(chain[name]).sources:
+            assert order.index(source) < order.index(name)
+
+
+def test_nothing_of_a_machine_changes_once_made():
+    machine = load()
+    with pytest.raises(ValidationError, match="frozen"):
+        machine.machine.force_share = 0.5
+    assert isinstance(machine.machine, Body)

@@ -1,0 +1,35 @@
+"""The exception tree, and the hint at a misspelt word."""
+
+import inspect
+
+import pytest
+
+from estimators import errors
+
+
+def test_every_error_is_a_payscope_error_with_a_docstring():
+    found = [
+        c for _, c in inspect.getmembers(errors, inspect.isclass) if c.__module__ == errors.__name__
+    ]
+    assert len(found) == 7
+    for error in found:
+        assert issubclass(error, errors.PayscopeError)
+        assert error.__doc__
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("treshold_nat", "did you mean 'threshold_nat'?"),
+        ("window_sample", "did you mean 'window_samples'?"),
+        ("zzz", "known: threshold_nat, window_samples"),
+        ("", "known: threshold_nat, window_samples"),
+    ],
+)
+def test_a_misspelt_word_gets_the_nearest_choice_or_all_of_them(word, hint):
+    assert errors.nearest(word, {"window_samples", "threshold_nat"}) == hint
+
+
+def test_no_choices_are_said_to_be_none():
+    assert errors.nearest("word", []) == "known: none"
+    assert errors.nearest("word", (c for c in ["words"])) == "did you mean 'words'?"
