@@ -95,9 +95,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
             # a stretch that is refused for what it is says so
             pl.when(pl.col("samples_accepted") > 0)
             .then("reason")
-            .otherwise(
-                pl.col("phase").replace_strict(refused_for, default=pl.col("reason"))
-            )
+            .otherwise(pl.col("phase").replace_strict(refused_for, default=pl.col("reason")))
             .cast(REASON),
             pl.col("phase").cast(PHASE),
         )

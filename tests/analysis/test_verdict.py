@@ -5,6 +5,8 @@ import polars as pl
 import pytest
 
 from analysis.gate import gate
+from analysis.phases import speed_rate
+from analysis.schema import build
 from analysis.verdict import can_weigh, verdict
 
 TRIP = ("standstill", "start", "brake", "standstill")
@@ -107,3 +109,26 @@ def test_the_gate_does_not_shield_a_bad_log_from_the_verdict(good, judge):
     table = judge(good.but(force_x_N=np.abs))
     assert check(table, "accepted_stretches")["value"] >= 1
     assert not can_weigh(table)
+
+
+def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
+    """The speed rate looks back a tenth of a second: the accelerometer is delayed alike."""
+    t = np.arange(3000) / 100.0
+    settings = machine().settings
+    speed = 2.0 + 0.2 * np.sin(2 * np.pi * 2.0 * t)
+    acc = 0.2 * 2 * np.pi * 2.0 * np.cos(2 * np.pi * 2.0 * t)
+    rate = speed_rate(speed, settings)
+    excitation = build(
+        "excitation",
+        {
+            "t_ns": np.arange(t.size) * 10_000_000,
+            "force_x_N": 3614.0 * acc + 2891.0 * speed,
+            "regressor_acc_x_m_s2": acc,
+            "speed_x_m_s": speed,
+            "speed_rate_x_m_s2": rate,
+            "specific_force_x_m_s2": acc,
+            "phase": pl.Series(np.where(rate > 0, "accelerating", "braking")),
+        },
+    )
+    table = verdict(excitation, gate(excitation, settings), machine())
+    assert check(table, "acceleration_gain")["value"] == pytest.approx(1.0, abs=0.05)

@@ -1,0 +1,52 @@
+"""Least squares pooled over segments, wherever in the log their samples lie."""
+
+import numpy as np
+
+from estimators import pooled
+
+
+def interleaved(n=600, seed=1):
+    """Two segments that alternate, with samples of neither between them."""
+    generator = np.random.default_rng(seed)
+    A = generator.normal(size=(n, 2)) + 1.0
+    noise = np.convolve(generator.normal(size=n + 4), np.ones(5) / 5, "valid")
+    segment_id = np.tile([3, 3, 3, 8, 8, -1, 3, 8, 8, 8], n // 10).astype(np.int64)
+    truth = np.where((segment_id == 3)[:, None], [100.0, 20.0], [300.0, 50.0])
+    f = np.einsum("ij,ij->i", A, truth) + noise
+    A[segment_id < 0] = np.nan
+    return A, f, segment_id
+
+
+def test_rows_are_in_ascending_order_of_the_segments_at_their_last_samples():
+    A, f, segment_id = interleaved()
+    traced = pooled.trace(A, f, segment_id)
+    assert traced.index.tolist() == [596, 599]
+    np.testing.assert_allclose(traced.theta, [[100, 20], [300, 50]], rtol=0.01)
+
+
+def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
+    A, f, segment_id = interleaved()
+    traced = pooled.trace(A, f, segment_id)
+    lags = traced.autocorrelation
+    for row, number in enumerate((3, 8)):
+        at = np.flatnonzero(segment_id == number)
+        lag = np.abs(np.subtract.outer(at, at))
+        R = np.where(lag < lags.size, lags[np.minimum(lag, lags.size - 1)], 0.0)
+        bread = np.linalg.inv(A[at].T @ A[at])
+        B = A[at].T @ R @ A[at]
+        residual = f[at] - A[at] @ traced.theta[row]
+        scale = residual @ residual / (at.size - np.trace(bread @ B))
+        expected = np.sqrt(scale * np.diag(bread @ B @ bread))
+        white = np.sqrt(residual @ residual / (at.size - 2) * np.diag(bread))
+        np.testing.assert_allclose(traced.std[row], np.maximum(expected, white), rtol=1e-9)
+
+
+def test_a_segment_that_does_not_determine_its_parameters_is_nan_and_spoils_no_other():
+    A, f, segment_id = interleaved()
+    alone = pooled.trace(A, f, np.where(segment_id == 8, 8, -1).astype(np.int64))
+    A[segment_id == 3, 1] = 2.0 * A[segment_id == 3, 0]
+    both = pooled.trace(A, f, segment_id)
+    assert np.isnan(both.theta[0]).all()
+    assert np.isnan(both.std[0]).all()
+    np.testing.assert_allclose(both.theta[1], alone.theta[0], rtol=1e-12)
+    np.testing.assert_allclose(both.std[1], alone.std[0], rtol=1e-9)
