@@ -83,4 +83,7 @@ def _grid(
             pieces.append(np.arange(first, left + 1))
         first = max(first, right)
     pieces.append(np.arange(first, int((end - start) // step_ns) + 1))
-    return start + np.round(np.concatenate(pieces) * step_ns).astype(np.int64)
+    rows = np.concatenate(pieces)
+    if step_ns.is_integer():
+        return start + rows * int(step_ns)
+    return start + np.round(rows * step_ns).astype(np.int64)

@@ -34,7 +34,7 @@ def to_machine_axes(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str
     """
     out = dict(columns)
     R = rotation(imu)
-    if not np.allclose(R, np.eye(3), atol=0.0):
+    if not np.allclose(R, np.eye(3), rtol=0.0, atol=1e-12):
         for triple in (_SPECIFIC_FORCE, _RATES):
             given = [name for name in triple if name in out]
             if not given:

@@ -10,7 +10,7 @@ Method = Literal["ls", "rls", "fgls", "tls", "pooled"]
 class VerdictLimits(BaseModel):
     """Limits of the checks that decide whether a log can weigh (on its ungated moving samples)."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     partial_correlation_min: float = Field(
         0.5, ge=-1, le=1, description="least correlation of acceleration and force given the speed"
@@ -41,7 +41,7 @@ class VerdictLimits(BaseModel):
 class Settings(BaseModel):
     """How a log is replayed. Every field can be overridden with `--set settings.NAME=VALUE`."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     rate_hz: float = Field(100.0, gt=0, le=10_000, description="rate of the common grid")
     smooth_samples: int = Field(10, ge=1, description="samples of the trailing moving mean")

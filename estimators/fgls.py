@@ -3,7 +3,7 @@
 The printed σ_i = r_i is singular at r = 0 and confirms itself; here w = 1 / max(r², (κ·rms)²).
 The weights follow the residuals that they weigh, so the estimate moves with OLS and a sandwich
 with these weights would describe another estimator: its standard deviation is that of OLS at
-this estimate's residuals (checked by simulation in the tests).
+this estimate's residuals (measured in docs/decisions/0005).
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from numba import njit
 from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import lstsq, solve_spd
+from estimators.rolling import window_ends
 from estimators.sandwich import deviations, meat, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
@@ -109,7 +110,7 @@ def trace(
         options: the guard.
     """
     options = options or FglsOptions()
-    index = np.flatnonzero(accepted).astype(np.int64)
+    index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     first, grams, _, condition = ls.solve_windows(A, f, window, index)

@@ -7,7 +7,7 @@ from numba import njit
 
 from estimators.autocorrelation import disjoint_windows, pooled_autocorrelation
 from estimators.linear import condition_number, inverse_spd, lstsq, solve_spd
-from estimators.rolling import products, unpack, window_sums
+from estimators.rolling import products, unpack, window_ends, window_sums
 from estimators.sandwich import deviations, meat, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
@@ -111,7 +111,7 @@ def trace(
         options: none to choose.
     """
     del options
-    index = np.flatnonzero(accepted).astype(np.int64)
+    index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
     theta, grams, rss, condition = solve_windows(A, f, window, index)

@@ -13,6 +13,7 @@ from numba import njit
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import condition_number, inverse_spd, lstsq
+from estimators.rolling import window_ends
 from estimators.sandwich import meat
 from estimators.trace import Bools, Floats, Ints, Trace
 
@@ -190,7 +191,7 @@ def trace(
         estimate of the first window.
     """
     options = options or RlsOptions()
-    index = np.flatnonzero(accepted).astype(np.int64)
+    index = window_ends(accepted, window)
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)

@@ -9,7 +9,13 @@ that contain it.
 import numpy as np
 from numba import njit
 
-from estimators.trace import Floats
+from estimators.trace import Bools, Floats, Ints
+
+
+def window_ends(accepted: Bools, window: int) -> Ints:
+    """The last samples of the accepted windows, ascending; a window must be complete."""
+    ends = np.flatnonzero(accepted).astype(np.int64)
+    return ends[ends >= window - 1]
 
 
 @njit(cache=True)

@@ -14,7 +14,7 @@ from numba import njit
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import condition_number, solve_spd
 from estimators.ls import window_residuals
-from estimators.rolling import products, unpack, window_sums
+from estimators.rolling import products, unpack, window_ends, window_sums
 from estimators.sandwich import deviations, meat, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
@@ -144,7 +144,7 @@ def trace(
         options: the noise of each column.
     """
     options = options or TlsOptions()
-    index = np.flatnonzero(accepted).astype(np.int64)
+    index = window_ends(accepted, window)
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)
