@@ -82,7 +82,8 @@ def _grid(
         if left >= first:
             pieces.append(np.arange(first, left + 1))
         first = max(first, right)
-    pieces.append(np.arange(first, int((end - start) // step_ns) + 1))
+    # the slack keeps a last row that rounding would put just after the end
+    pieces.append(np.arange(first, int((end - start) / step_ns + 1e-9) + 1))
     rows = np.concatenate(pieces)
     if step_ns.is_integer():
         return start + rows * int(step_ns)

@@ -3,7 +3,7 @@
 import numpy as np
 import polars as pl
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from analysis.align import align
@@ -38,6 +38,7 @@ def test_each_row_holds_the_last_value_at_or_before_it(channels_of, machine):
 
 
 @given(rate=st.floats(5, 500), n=st.integers(20, 100))
+@example(rate=150.0, n=21)
 def test_t_ns_climbs_strictly_on_the_lattice_of_the_rate(channels_of, machine, rate, n):
     aligned, _ = align(three(channels_of, ticks(10, n)), machine({"rate_hz": rate}))
     t = aligned["t_ns"].to_numpy()
