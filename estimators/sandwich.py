@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from estimators.linear import inverse_spd
+from estimators.rolling import window_sums
 from estimators.trace import Floats, Ints
 
 
@@ -55,6 +56,67 @@ def deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
 
 
 @njit(cache=True)
+def window_meats(A: Floats, index: Ints, window: int, correlation: Floats) -> Floats:
+    """Aᵀ R A of the windows that end at `index`, (rows, p, p), at a cost that W does not enter.
+
+    Per sample, its products with itself and with the samples before it, weighed by their
+    correlation, are summed over the window without a subtraction (`estimators.rolling`). That
+    counts pairs that reach over the window's start; these are carried along as the window slides,
+    and counted afresh once a window so that rounding does not pile up.
+    """
+    n, p = A.shape
+    lags = correlation.size
+    q = p * (p + 1) // 2
+    # what no window holds must not leave a rounding error behind
+    Z = np.zeros((n, p))
+    held = -1
+    for row in range(index.size):
+        for k in range(max(held + 1, index[row] - window + 1), index[row] + 1):
+            Z[k] = A[k]
+        held = index[row]
+    before = np.zeros((n, p))
+    after = np.zeros((n, p))
+    for k in range(n):
+        for j in range(1, min(lags, k + 1)):
+            for c in range(p):
+                before[k, c] += correlation[j] * Z[k - j, c]
+                after[k - j, c] += correlation[j] * Z[k, c]
+    terms = np.empty((n, q))
+    across = np.zeros((n, q))
+    for k in range(n):
+        if k > 0 and k % window == 0:
+            # every pair of a sample before k and one from k on
+            for i in range(k, min(k + lags - 1, n)):
+                for j in range(i - k + 1, min(lags, i + 1)):
+                    m = 0
+                    for r in range(p):
+                        for c in range(r, p):
+                            pair = Z[i, r] * Z[i - j, c] + Z[i - j, r] * Z[i, c]
+                            across[k, m] += correlation[j] * pair
+                            m += 1
+        m = 0
+        for r in range(p):
+            for c in range(r, p):
+                pair = Z[k, r] * before[k, c] + before[k, r] * Z[k, c]
+                terms[k, m] = Z[k, r] * Z[k, c] + pair
+                if k + 1 < n and (k + 1) % window != 0:
+                    ahead = Z[k, r] * after[k, c] + after[k, r] * Z[k, c]
+                    across[k + 1, m] = across[k, m] + ahead - pair
+                m += 1
+    sums = window_sums(terms, window)
+    out = np.empty((index.size, p, p))
+    for row in range(index.size):
+        m = 0
+        for r in range(p):
+            for c in range(r, p):
+                value = sums[index[row], m] - across[index[row] - window + 1, m]
+                out[row, r, c] = value
+                out[row, c, r] = value
+                m += 1
+    return out
+
+
+@njit(cache=True)
 def window_deviations(
     A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
 ) -> Floats:
@@ -71,12 +133,8 @@ def window_deviations(
     Returns:
         (rows, p) standard deviations.
     """
-    rows = index.size
-    n, p = A.shape
-    one_group = np.zeros(n, np.int64)
-    out = np.empty((rows, p))
-    for row in range(rows):
-        k = index[row]
-        B = meat(A, one_group, 0, k - window + 1, k, correlation)
-        out[row] = deviations(grams[row], B, rss[row], float(window))
+    meats = window_meats(A, index, window, correlation)
+    out = np.empty((index.size, A.shape[1]))
+    for row in range(index.size):
+        out[row] = deviations(grams[row], meats[row], rss[row], float(window))
     return out
