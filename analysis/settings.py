@@ -62,6 +62,9 @@ class Settings(BaseModel):
     direction_deadband_m_s: float = Field(
         0.0, ge=0, description="speeds up to this have no sign for the Coulomb term"
     )
+    directional_forgetting: bool = Field(
+        False, description="forget only along the direction of each new sample"
+    )
     fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
     tls_noise_force_N: float = Field(60.0, gt=0, description="noise of the force, before the mean")
     tls_noise_acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")

@@ -34,7 +34,8 @@ def trace(
             case "ls":
                 traced = ls.trace(A, f, window, accepted)
             case "rls":
-                traced = rls.trace(A, f, window, accepted, rls.RlsOptions(settings.forgetting))
+                memory = rls.RlsOptions(settings.forgetting, settings.directional_forgetting)
+                traced = rls.trace(A, f, window, accepted, memory)
             case "fgls":
                 traced = fgls.trace(A, f, window, accepted, fgls.FglsOptions(settings.fgls_floor))
             case "tls":

@@ -20,9 +20,16 @@ from estimators.trace import Bools, Floats, Ints, Trace
 
 @dataclass(frozen=True, slots=True)
 class RlsOptions:
-    """λ: the weight of a sample falls by this factor with each one that follows."""
+    """How the past is forgotten.
+
+    Attributes:
+        forgetting: λ, by which the weight of a sample falls with each one that follows.
+        directional: forget only along the new sample's direction (Bittanti, Bolzern, Campi 1990),
+            so that a long cruise does not blow P up along the acceleration.
+    """
 
     forgetting: float = 0.998
+    directional: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +69,19 @@ def start(A: Floats, f: Floats, options: RlsOptions | None = None) -> RlsState:
 
 def step(state: RlsState, a: Floats, f: float, options: RlsOptions | None = None) -> RlsState:
     """Feed one sample: a (p,) the regressor's row, f the force."""
-    forgetting = (options or RlsOptions()).forgetting
+    options = options or RlsOptions()
+    forgetting = options.forgetting
     error = f - a @ state.theta
     Pa = state.P @ a
-    gain = Pa / (forgetting + a @ Pa)
+    r = a @ Pa
+    if options.directional:
+        gain = Pa / (1.0 + r)
+        beta = forgetting - (1.0 - forgetting) / r if r > 0 else 0.0
+        P = state.P - np.outer(Pa, Pa) * beta / (1.0 + beta * r)
+    else:
+        gain = Pa / (forgetting + r)
+        P = (state.P - np.outer(gain, Pa)) / forgetting
     theta = state.theta + gain * error
-    P = (state.P - np.outer(gain, Pa)) / forgetting
     after = f - a @ theta
     return RlsState(
         theta,
@@ -78,53 +92,69 @@ def step(state: RlsState, a: Floats, f: float, options: RlsOptions | None = None
 
 
 @njit(cache=True)
+def _learn(P: Floats, a: Floats, forgetting: float, directional: bool) -> Floats:
+    """The gain of a sample; P is updated in place."""
+    p = a.size
+    Pa = P @ a
+    r = 0.0
+    for c in range(p):
+        r += a[c] * Pa[c]
+    if directional:
+        beta = forgetting - (1.0 - forgetting) / r if r > 0.0 else 0.0
+        shrink = beta / (1.0 + beta * r)
+        grow = 1.0
+        gain = Pa / (1.0 + r)
+    else:
+        shrink = 1.0 / (forgetting + r)
+        grow = 1.0 / forgetting
+        gain = Pa / (forgetting + r)
+    for i in range(p):
+        for c in range(i + 1):
+            P[i, c] = (P[i, c] - shrink * Pa[i] * Pa[c]) * grow
+            P[c, i] = P[i, c]
+    return gain
+
+
+@njit(cache=True)
 def _feed(
     A: Floats,
     f: Floats,
     window: int,
     index: Ints,
-    forgetting: float,
+    options: tuple[float, bool],
     theta: Floats,
     P: Floats,
-    square: float,
-    weight: float,
+    sums: tuple[float, float],
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Steps over the union of the windows in index; the state at each of them, and residuals."""
+    """Steps over the union of the windows in index; θ, r.m.s., condition of P⁻¹ and residuals."""
     rows = index.size
     p = theta.size
+    forgetting, directional = options
+    square, weight = sums
     out = np.empty((rows, p))
-    factors = np.empty((rows, p, p))
     rms = np.empty(rows)
+    condition = np.empty(rows)
     residual = np.full(f.size, np.nan)
     theta = theta.copy()
     P = P.copy()
-    out[0] = theta
-    factors[0] = P
-    rms[0] = np.sqrt(square / weight)
-    for row in range(1, rows):
-        first = max(index[row - 1] + 1, index[row] - window + 1)
+    for row in range(rows):
+        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
         for k in range(first, index[row] + 1):
             error = f[k]
             for c in range(p):
                 error -= A[k, c] * theta[c]
-            Pa = P @ A[k]
-            gain = Pa / (forgetting + A[k] @ Pa)
+            gain = _learn(P, A[k], forgetting, directional)
             after = f[k]
             for c in range(p):
                 theta[c] += gain[c] * error
                 after -= A[k, c] * theta[c]
-            for i in range(p):
-                for c in range(i + 1):
-                    value = 0.5 * (gain[i] * Pa[c] + gain[c] * Pa[i])
-                    P[i, c] = (P[i, c] - value) / forgetting
-                    P[c, i] = P[i, c]
             square = forgetting * square + error * after
             weight = forgetting * weight + 1.0
             residual[k] = after
         out[row] = theta
-        factors[row] = P
         rms[row] = np.sqrt(max(square, 0.0) / weight)
-    return out, factors, rms, residual
+        condition[row] = condition_number(inverse_spd(P))
+    return out, rms, condition, residual
 
 
 @njit(cache=True)
@@ -132,46 +162,65 @@ def _deviations(
     A: Floats,
     window: int,
     index: Ints,
-    forgetting: float,
-    factors: Floats,
-    B: Floats,
-    fed: Bools,
+    options: tuple[float, bool],
+    P: Floats,
+    cover: Floats,
+    ahead: Floats,
     correlation: Floats,
-    variance: float,
-) -> tuple[Floats, Floats]:
-    """Sandwich P B P s² with B discounted by λ² a sample; and the condition of P⁻¹.
+) -> Floats:
+    """Standard deviations for residuals of variance 1, by the recursion's own error equation.
 
-    Never smaller than with uncorrelated residuals: a tapered correlation need not be positive
-    definite.
+    With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance needs what e shares with the
+    residual that comes next, which the correlation of the residuals carries along:
+    `ahead[j]` = cov(e, u of the sample j + 1 ahead).
+
+    Args:
+        A: (n, p) regressor.
+        window: samples in a window.
+        index: (rows,) last samples of the accepted windows.
+        options: forgetting, directional.
+        P: (p, p) at the end of the first window.
+        cover: (p, p) covariance of the first estimate.
+        ahead: (lags, p) its covariance with the residuals that follow.
+        correlation: (lags,) residual autocorrelation, 1 first.
     """
     rows = index.size
     p = A.shape[1]
+    forgetting, directional = options
+    lags = correlation.size
+    P = P.copy()
+    S = cover.copy()
+    C = ahead.copy()
+    moved = np.zeros((lags, p))
     std = np.empty((rows, p))
-    condition = np.empty(rows)
-    tail = np.empty(p)
-    white = B.copy()
+    last = index[0]
     for row in range(rows):
-        first = index[row] + 1 if row == 0 else max(index[row - 1] + 1, index[row] - window + 1)
+        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
         for k in range(first, index[row] + 1):
-            tail[:] = 0.5 * A[k]
-            discount = 1.0
-            for j in range(1, min(correlation.size, k + 1)):
-                discount *= forgetting
-                if fed[k - j]:
-                    for c in range(p):
-                        tail[c] += correlation[j] * discount * A[k - j, c]
+            gap = k - last - 1
+            last = k
+            gain = _learn(P, A[k], forgetting, directional)
+            F = np.eye(p)
             for i in range(p):
                 for c in range(p):
-                    B[i, c] *= forgetting * forgetting
-                    B[i, c] += A[k, i] * tail[c] + tail[i] * A[k, c]
-                    white[i, c] *= forgetting * forgetting
-                    white[i, c] += A[k, i] * A[k, c]
-        cover = factors[row] @ B @ factors[row]
-        floor = factors[row] @ white @ factors[row]
+                    F[i, c] -= gain[i] * A[k, c]
+            share = np.zeros(p)
+            if gap < lags:
+                share[:] = F @ C[gap]
+            S = F @ S @ F.T
+            for i in range(p):
+                for c in range(p):
+                    S[i, c] += share[i] * gain[c] + gain[i] * share[c] + gain[i] * gain[c]
+            for j in range(lags):
+                moved[j] = 0.0
+                if j + 1 + gap < lags:
+                    moved[j] = F @ C[j + 1 + gap]
+                if j + 1 < lags:
+                    moved[j] += gain * correlation[j + 1]
+            C[:] = moved
         for i in range(p):
-            std[row, i] = np.sqrt(max(cover[i, i], floor[i, i]) * variance)
-        condition[row] = condition_number(inverse_spd(factors[row]))
-    return std, condition
+            std[row, i] = np.sqrt(max(S[i, i], 0.0))
+    return std
 
 
 def trace(
@@ -197,20 +246,27 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    theta, factors, rms, residual = _feed(
-        A, f, window, index, options.forgetting, begin.theta, begin.P, begin.square, begin.weight
+    how = (options.forgetting, options.directional)
+    theta, rms, condition, residual = _feed(
+        A, f, window, index, how, begin.theta, begin.P, (begin.square, begin.weight)
     )
     residual[first] = f[first] - A[first] @ begin.theta
     fed = np.isfinite(residual)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = pooled_autocorrelation(residual, np.where(fed, 0, -1), 0)
-    # θ₀ enters the recursion with the weight P₀⁻¹, as if it were a sample
     gram = A[first].T @ A[first]
-    bread = np.linalg.pinv(gram) @ np.linalg.inv(begin.P)
-    group = np.zeros(window, np.int64)
-    B = bread.T @ meat(A[first], group, 0, 0, window - 1, correlation) @ bread
-    std, condition = _deviations(
-        A, window, index, options.forgetting, factors, B, fed, correlation, variance
-    )
+    bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
+    B = meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)
+    cover: Floats = np.asarray(bread @ B @ bread, np.float64)
+    ahead = np.zeros((correlation.size, p))
+    for j in range(correlation.size - 1):
+        # the first window's samples that the residual j + 1 after it still knows
+        near = correlation[j + 1 :][:window]
+        ahead[j] = bread @ (near @ A[first][::-1][: near.size])
+    std = _deviations(A, window, index, how, begin.P, cover, ahead, correlation)
+    # a tapered correlation need not be positive definite: never below uncorrelated residuals
+    none = np.zeros((1, p))
+    white = _deviations(A, window, index, how, begin.P, bread, none, np.ones(1))
+    std = np.maximum(std, white) * np.sqrt(variance)
     condition[0] = condition_number(gram)
     return Trace(index, theta, std, rms, condition, correlation)

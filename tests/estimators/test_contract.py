@@ -140,6 +140,12 @@ ESTIMATORS = {
         rls.RlsOptions(forgetting=0.95),
         rls.RlsOptions(forgetting=0.95),
     ),
+    "rls that forgets along the samples alone": Estimator(
+        lambda log, options: rls.trace(log.A, log.f, WINDOW, log.accepted, options),
+        repeated_steps,
+        rls.RlsOptions(forgetting=0.95, directional=True),
+        rls.RlsOptions(forgetting=0.95, directional=True),
+    ),
     "pooled": Estimator(
         lambda log, options: pooled.trace(log.A, log.f, segments_of(log), options),
         segments_by_lstsq,
