@@ -8,7 +8,7 @@ from analysis.phases import span_rows
 from analysis.regressor import straight
 from analysis.schema import REASON, build, values
 from analysis.settings import Settings
-from estimators import information, ls
+from estimators import information, ls, neighbours
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -21,7 +21,8 @@ def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
 
     A window is refused when it contains a missing sample, a turn or (by setting) braking;
     standstill and cruise may be inside, since the step from standstill to start is the
-    information. Then the index (11) decides.
+    information. Then the gate of the settings decides: the index (11), the nearest-neighbour
+    mutual information or the predicted deviation.
 
     Args:
         excitation: the regressor and the phases.
@@ -51,29 +52,44 @@ def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
     moving = (phase != "standstill").fill_null(True).to_numpy()
     first = int(np.argmin(missing)) if n and not missing.all() else n
     # in the order of precedence: the first that holds is the reason
-    refusals: list[tuple[str, Bools]] = [
-        ("warming_up", np.arange(n) < first + window - 1),
-        ("gap", has_gap),
-        ("saturated", windows_with(_saturated(excitation, settings), window)),
-        ("turning", windows_with(phase.is_in(_TURNS).fill_null(False).to_numpy(), window)),
-        ("standstill", ~windows_with(moving, window)),
-        ("slip", windows_with(_slipping(excitation, settings), window)),
-        ("no_variance", np.isnan(rho)),
-        ("negative_dependence", rho < 0),
-        ("low_information", index < settings.threshold_nat),
-        ("ill_conditioned", ~(condition <= settings.condition_max)),
-    ]
-    if settings.exclude_braking:
-        braking = (phase == "braking").fill_null(False).to_numpy()
-        refusals.insert(4, ("braking", windows_with(braking, window)))
-    reason = np.select([r for _, r in refusals], [name for name, _ in refusals], "accepted")
+    refusals: dict[str, Bools] = {
+        "warming_up": np.arange(n) < first + window - 1,
+        "gap": has_gap,
+        "saturated": windows_with(_saturated(excitation, settings), window),
+        "turning": windows_with(phase.is_in(_TURNS).fill_null(False).to_numpy(), window),
+        "braking": windows_with(_braking(phase, settings), window),
+        "standstill": ~windows_with(moving, window),
+        "slip": windows_with(_slipping(excitation, settings), window),
+        "no_variance": np.isnan(rho),
+        "negative_dependence": rho < 0,
+    }
+    columns = {
+        "t_ns": excitation["t_ns"],
+        "corr_x_1": np.where(complete & (spread > 0), rho, np.nan),
+        "mi_x_nat": np.where(complete, index, np.nan),
+        "predicted_std_x": predicted_std,
+    }
+    match settings.gate:
+        case "information":
+            poor = index < settings.threshold_nat
+        case "variance":
+            poor = ~(predicted_std <= settings.threshold_std_kg)
+        case "ksg":
+            # costly, so only where nothing else refuses the window
+            left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
+            ksg = np.full(n, np.nan)
+            ksg[left] = neighbours.window_mutual_information(
+                A[:, 0].copy(), f, window, left, settings.ksg_neighbours
+            )
+            columns["ksg_x_nat"] = ksg
+            poor = ~(ksg >= settings.threshold_nat)
+    refusals["low_information"] = poor
+    refusals["ill_conditioned"] = ~(condition <= settings.condition_max)
+    reason = np.select(list(refusals.values()), list(refusals), "accepted")
     return build(
         "gate",
         {
-            "t_ns": excitation["t_ns"],
-            "corr_x_1": np.where(complete & (spread > 0), rho, np.nan),
-            "mi_x_nat": np.where(complete, index, np.nan),
-            "predicted_std_x": predicted_std,
+            **columns,
             "accepted_x": reason == "accepted",
             "reason_x": pl.Series(reason, dtype=pl.String).cast(REASON),
         },
@@ -106,9 +122,15 @@ def accepted_samples(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Se
     used &= (phase != "standstill").fill_null(True).to_numpy()
     if settings.exclude_braking:
         lag = span_rows(settings) + settings.smooth_samples
-        braking = (phase == "braking").fill_null(False).to_numpy()
+        braking = _braking(phase, settings)
         used &= ~windows_with(braking[::-1], lag)[::-1]
     return used
+
+
+def _braking(phase: pl.Series, settings: Settings) -> Bools:
+    if not settings.exclude_braking:
+        return np.zeros(phase.len(), np.bool_)
+    return (phase == "braking").fill_null(False).to_numpy()
 
 
 def _saturated(excitation: pl.DataFrame, settings: Settings) -> Bools:

@@ -10,6 +10,7 @@ from analysis.gate import accepted_samples
 from analysis.machine import Machine
 from analysis.regressor import straight, theta_columns, theta_of
 from analysis.schema import build, values
+from analysis.settings import RECURSIVE
 from estimators import pooled
 from estimators.window_mean import mean_estimate
 
@@ -48,7 +49,7 @@ def masses(
             used = accepted_samples(excitation, gated, settings)
             whole = pooled.trace(A, f, np.where(used, 0, -1))
             theta[row], std[row] = whole.theta[0], whole.std[0]
-        elif method == "rls":
+        elif method in RECURSIVE:
             traced, traced_std = theta_of(frame)
             theta[row], std[row] = traced[-1], traced_std[-1]
         else:

@@ -154,6 +154,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _T,
                 _f("corr_x_1", "1", "correlation of acceleration and force over the window"),
                 _f("mi_x_nat", "nat", "information index (11) of the window"),
+                _f("ksg_x_nat", "nat", "mutual information by nearest neighbours (gate = ksg)"),
                 _f("predicted_std_x", "kg", "predicted standard deviation of the mass"),
                 Column("accepted_x", pl.Boolean, "1", "whether the window is used"),
                 Column("reason_x", REASON, "1", "why, or why not"),

@@ -1,10 +1,13 @@
 """The settings of a replay: the paper's values where the paper gives one."""
 
-from typing import Literal
+from typing import Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Method = Literal["ls", "rls", "fgls", "tls", "pooled"]
+Method = Literal["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]
+
+#: Methods whose last state stands for all before it; the others give an estimate a window.
+RECURSIVE: Final = frozenset({"rls", "rtls"})
 
 
 class VerdictLimits(BaseModel):
@@ -46,18 +49,28 @@ class Settings(BaseModel):
     rate_hz: float = Field(100.0, gt=0, le=10_000, description="rate of the common grid")
     smooth_samples: int = Field(10, ge=1, description="samples of the trailing moving mean")
     window_samples: int = Field(320, ge=4, description="samples in a window (3.2 s)")
-    gate: Literal["information"] = Field("information", description="what accepts a window")
-    threshold_nat: float = Field(0.7, description="smallest index (11) of an accepted window")
+    gate: Literal["information", "ksg", "variance"] = Field(
+        "information",
+        description="what accepts a window: the index (11), the mutual information by nearest "
+        "neighbours, or the predicted deviation of the mass",
+    )
+    threshold_nat: float = Field(0.7, description="smallest index (or ksg) of an accepted window")
+    threshold_std_kg: float = Field(
+        30.0, gt=0, description="gate = variance: largest predicted deviation of the mass"
+    )
+    ksg_neighbours: int = Field(4, ge=1, le=50, description="gate = ksg: neighbours k")
     acceleration: Literal["specific_force", "kinematic"] = Field(
         "specific_force", description="which acceleration multiplies the mass"
     )
     exclude_braking: bool = Field(True, description="refuse windows that contain a braking sample")
     coulomb: bool = Field(False, description="estimate a Coulomb friction term as well")
     methods: tuple[Method, ...] = Field(
-        ("ls", "rls", "fgls", "tls", "pooled"), min_length=1, description="estimators to run"
+        ("ls", "rls", "fgls", "tls", "pooled"),
+        min_length=1,
+        description="estimators to run; also rtls, huber",
     )
     forgetting: float = Field(
-        0.998, gt=0.5, le=1, description="λ of the recursive estimator: half forgotten in 3.5 s"
+        0.998, gt=0.5, le=1, description="λ of the recursive estimators: half forgotten in 3.5 s"
     )
     direction_deadband_m_s: float = Field(
         0.0, ge=0, description="speeds up to this have no sign for the Coulomb term"
@@ -66,6 +79,9 @@ class Settings(BaseModel):
         False, description="forget only along the direction of each new sample"
     )
     fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
+    huber_bend: float = Field(
+        1.345, gt=0, description="c: residuals up to c robust deviations weigh fully"
+    )
     tls_noise_force_N: float = Field(60.0, gt=0, description="noise of the force, before the mean")
     tls_noise_acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")
     tls_noise_speed_m_s: float = Field(0.005, gt=0, description="noise of the speed")

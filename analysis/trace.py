@@ -7,7 +7,7 @@ from analysis.regressor import straight, theta_columns
 from analysis.schema import build
 from analysis.segments import manoeuvres
 from analysis.settings import Settings
-from estimators import fgls, ls, pooled, rls, tls
+from estimators import fgls, huber, ls, pooled, rls, rtls, tls
 from estimators.trace import Trace
 
 
@@ -27,7 +27,11 @@ def trace(
     A, f = straight(excitation, settings)
     window = settings.window_samples
     accepted = gated["accepted_x"].to_numpy()
-    noise = (settings.tls_noise_acc_m_s2, settings.tls_noise_speed_m_s)
+    # Coulomb's sign is nearly exact
+    noise = tls.TlsOptions(
+        (settings.tls_noise_acc_m_s2, settings.tls_noise_speed_m_s, 1e-3),
+        settings.tls_noise_force_N,
+    )
     traces: dict[str, Trace] = {}
     for method in settings.methods:
         match method:
@@ -39,8 +43,13 @@ def trace(
             case "fgls":
                 traced = fgls.trace(A, f, window, accepted, fgls.FglsOptions(settings.fgls_floor))
             case "tls":
-                options = tls.TlsOptions((*noise, 1e-3), settings.tls_noise_force_N)
-                traced = tls.trace(A, f, window, accepted, options)
+                traced = tls.trace(A, f, window, accepted, noise)
+            case "rtls":
+                past = rtls.RtlsOptions(noise, settings.forgetting)
+                traced = rtls.trace(A, f, window, accepted, past)
+            case "huber":
+                bend = huber.HuberOptions(settings.huber_bend)
+                traced = huber.trace(A, f, window, accepted, bend)
             case "pooled":
                 segment_id = manoeuvres(excitation, settings)
                 segment_id[~accepted_samples(excitation, gated, settings)] = -1

@@ -67,7 +67,7 @@ def fit(
 
 
 @njit(cache=True)
-def _smallest_root(G: Floats, h: Floats, ff: float) -> float:
+def smallest_root(G: Floats, h: Floats, ff: float) -> float:
     """The smallest root of φ, by Newton (Rayleigh quotients) inside a shrinking bracket.
 
     φ falls and is concave up to G's smallest eigenvalue, so a step may overshoot that, where
@@ -118,7 +118,7 @@ def _solve_windows(
     for row in range(index.size):
         G, h, ff = unpack(sums[index[row]], p)
         condition[row] = condition_number(G)
-        lam = _smallest_root(G, h, ff)
+        lam = smallest_root(G, h, ff)
         clean = G.copy()
         for i in range(p):
             clean[i, i] -= lam

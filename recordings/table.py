@@ -102,7 +102,13 @@ _ACCELERATION = _lines(
     speed_rate_x_m_s2="speed rate, decides the phase",
 )
 _SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
-_INDEX = _lines("Information index", "gate", "threshold_nat", mi_x_nat="index of the window")
+_INDEX = _lines(
+    "Information index",
+    "gate",
+    "threshold_nat",
+    mi_x_nat="index of the window",
+    ksg_x_nat="mutual information by nearest neighbours",
+)
 _MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
 _FRICTION = _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
 _DECISIONS = _states(

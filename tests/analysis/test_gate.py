@@ -207,3 +207,29 @@ def test_pooled_samples_neither_stand_still_nor_are_about_to_brake(start):
     assert (about_to_brake & inside & ~standing).any()
     np.testing.assert_array_equal(used, inside & ~standing & ~about_to_brake)
     assert (inside & standing).any()
+
+
+@pytest.mark.parametrize(
+    ("changes", "column", "better"),
+    [
+        ({"gate": "ksg", "threshold_nat": 1.0}, "ksg_x_nat", 1),
+        ({"gate": "variance", "threshold_std_kg": 12.0}, "predicted_std_x", -1),
+    ],
+    ids=["ksg", "variance"],
+)
+def test_another_gate_decides_by_its_own_column(start, changes, column, better):
+    judged = gate(start, settings(**changes))
+    limit = changes.get("threshold_nat", changes.get("threshold_std_kg"))
+    accepted = judged["accepted_x"].to_numpy()
+    low = (judged["reason_x"] == "low_information").to_numpy()
+    number = judged[column].to_numpy()
+    assert accepted.any()
+    assert (better * number[accepted] >= better * limit).all()
+    assert (better * number[low] < better * limit).all()
+
+
+def test_ksg_is_computed_only_where_nothing_else_refuses_the_window(start):
+    judged = gate(start, settings(gate="ksg"))
+    settled = judged["reason_x"].is_in(["accepted", "low_information", "ill_conditioned"])
+    np.testing.assert_array_equal(judged["ksg_x_nat"].is_not_null(), settled)
+    assert "ksg_x_nat" not in gate(start, settings()).columns

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from estimators import fgls, ls, pooled, rls, tls
+from estimators import fgls, huber, ls, pooled, rls, rtls, tls
 from estimators.linear import condition_number
 from estimators.trace import Trace
 
@@ -91,6 +91,25 @@ def repeated_steps(log, traced, options):
     return rows
 
 
+def repeated_total_steps(log, traced, options):
+    """The same for recursive TLS, whose residuals are those of all the past under one θ."""
+    ends = np.flatnonzero(log.accepted)
+    first = slice(ends[0] - WINDOW + 1, ends[0] + 1)
+    state = rtls.start(log.A[first], log.f[first], options)
+    scale = options.noise.scales(log.A.shape[1])
+    inside = log.union
+    rows = []
+    for k in range(ends[0], log.f.size):
+        if inside[k] and k > ends[0]:
+            state = rtls.step(state, log.A[k], log.f[k], options)
+        if log.accepted[k]:
+            x = np.append(-state.theta * scale, 1.0)
+            rms = np.sqrt(x @ state.C @ x / state.weight)
+            condition = condition_number(state.C[:-1, :-1].copy())
+            rows.append((k, state.theta, traced.std[len(rows)], rms, condition))
+    return rows
+
+
 def rms_of(state):
     return np.sqrt(state.square / state.weight)
 
@@ -145,6 +164,13 @@ ESTIMATORS = {
         repeated_steps,
         rls.RlsOptions(forgetting=0.95, directional=True),
         rls.RlsOptions(forgetting=0.95, directional=True),
+    ),
+    "huber": windowed(huber, huber.HuberOptions()),
+    "rtls": Estimator(
+        lambda log, options: rtls.trace(log.A, log.f, WINDOW, log.accepted, options),
+        repeated_total_steps,
+        rtls.RtlsOptions(tls.TlsOptions((0.05, 0.05, 1e-3), 60.0)),
+        rtls.RtlsOptions(tls.TlsOptions((0.05, 0.05, 1e-3), 600.0)),
     ),
     "pooled": Estimator(
         lambda log, options: pooled.trace(log.A, log.f, segments_of(log), options),
