@@ -1,6 +1,6 @@
 """Huber's robust regression over sliding windows: outliers pull with a bounded force.
 
-Iteratively reweighted least squares, w = min(1, c / |r/s|), with s = median|r| / 0.6745 of the first
+Iteratively reweighted least squares, w = min(1, c / |r/s|), s = median|r| / 0.6745 of the first
 OLS residuals (Huber 1964; Huber and Ronchetti 2009, 7.8). To first order the estimate is OLS of the
 pseudo-residuals ψ(r) / mean ψ', so their sandwich is its standard deviation.
 """

@@ -95,10 +95,12 @@ def step(state: RlsState, a: Floats, f: float, options: RlsOptions | None = None
 def _learn(P: Floats, a: Floats, forgetting: float, directional: bool) -> Floats:
     """The gain of a sample; P is updated in place."""
     p = a.size
-    Pa = P @ a
+    Pa = np.zeros(p)
     r = 0.0
-    for c in range(p):
-        r += a[c] * Pa[c]
+    for i in range(p):
+        for c in range(p):
+            Pa[i] += P[i, c] * a[c]
+        r += a[i] * Pa[i]
     if directional:
         beta = forgetting - (1.0 - forgetting) / r if r > 0.0 else 0.0
         shrink = beta / (1.0 + beta * r)
@@ -191,7 +193,10 @@ def _deviations(
     P = P.copy()
     S = cover.copy()
     C = ahead.copy()
-    moved = np.zeros((lags, p))
+    F = np.empty((p, p))
+    half = np.empty((p, p))
+    share = np.empty(p)
+    moved = np.empty(p)
     std = np.empty((rows, p))
     last = index[0]
     for row in range(rows):
@@ -200,24 +205,31 @@ def _deviations(
             gap = k - last - 1
             last = k
             gain = _learn(P, A[k], forgetting, directional)
-            F = np.eye(p)
             for i in range(p):
                 for c in range(p):
-                    F[i, c] -= gain[i] * A[k, c]
-            share = np.zeros(p)
-            if gap < lags:
-                share[:] = F @ C[gap]
-            S = F @ S @ F.T
+                    F[i, c] = (1.0 if i == c else 0.0) - gain[i] * A[k, c]
+            for i in range(p):
+                share[i] = 0.0
+                for c in range(p):
+                    half[i, c] = 0.0
+                    for d in range(p):
+                        half[i, c] += F[i, d] * S[d, c]
+                    if gap < lags:
+                        share[i] += F[i, c] * C[gap, c]
             for i in range(p):
                 for c in range(p):
-                    S[i, c] += share[i] * gain[c] + gain[i] * share[c] + gain[i] * gain[c]
+                    S[i, c] = share[i] * gain[c] + gain[i] * share[c] + gain[i] * gain[c]
+                    for d in range(p):
+                        S[i, c] += half[i, d] * F[c, d]
             for j in range(lags):
-                moved[j] = 0.0
-                if j + 1 + gap < lags:
-                    moved[j] = F @ C[j + 1 + gap]
-                if j + 1 < lags:
-                    moved[j] += gain * correlation[j + 1]
-            C[:] = moved
+                # ascending, so that what is read has not been moved yet
+                for i in range(p):
+                    moved[i] = gain[i] * correlation[j + 1] if j + 1 < lags else 0.0
+                    if j + 1 + gap < lags:
+                        for c in range(p):
+                            moved[i] += F[i, c] * C[j + 1 + gap, c]
+                for i in range(p):
+                    C[j, i] = moved[i]
         for i in range(p):
             std[row, i] = np.sqrt(max(S[i, i], 0.0))
     return std
