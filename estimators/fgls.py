@@ -15,7 +15,7 @@ from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import lstsq, solve_spd
 from estimators.rolling import window_ends
-from estimators.sandwich import deviations, meat, window_deviations
+from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 
@@ -49,13 +49,8 @@ def fit(
     root = 1.0 / np.sqrt(np.maximum(residual**2, guard))
     theta = lstsq(A * root[:, None], f * root)
     residual = f - A @ theta
-    one = np.zeros(f.size, np.int64)
-    if autocorrelation is None:
-        autocorrelation, _ = pooled_autocorrelation(residual, one, A.shape[1])
-    rss = float(residual @ residual)
-    B = meat(A, one, 0, 0, f.size - 1, autocorrelation)
-    std = deviations(A.T @ A, B, rss, float(f.size))
-    return Estimate(theta, std, float(np.sqrt(rss / f.size)), first.condition)
+    std = window_deviation(A, A.T @ A, residual, autocorrelation)
+    return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
 @njit(cache=True)

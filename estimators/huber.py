@@ -14,7 +14,7 @@ from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import lstsq, solve_spd
 from estimators.rolling import window_ends
-from estimators.sandwich import deviations, meat, window_deviations
+from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Iterations converge linearly; more than this many change nothing that matters.
@@ -59,11 +59,7 @@ def fit(
             break
     residual = f - A @ theta
     pseudo = np.clip(residual, -limit, limit) / (np.abs(residual) <= limit).mean()
-    one = np.zeros(f.size, np.int64)
-    if autocorrelation is None:
-        autocorrelation, _ = pooled_autocorrelation(pseudo, one, A.shape[1])
-    B = meat(A, one, 0, 0, f.size - 1, autocorrelation)
-    std = deviations(A.T @ A, B, float(pseudo @ pseudo), float(f.size))
+    std = window_deviation(A, A.T @ A, pseudo, autocorrelation)
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 

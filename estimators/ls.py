@@ -8,7 +8,7 @@ from numba import njit
 from estimators.autocorrelation import disjoint_windows, pooled_autocorrelation
 from estimators.linear import condition_number, inverse_spd, lstsq, solve_spd
 from estimators.rolling import products, unpack, window_ends, window_sums
-from estimators.sandwich import deviations, meat, window_deviations
+from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 
@@ -37,14 +37,10 @@ def fit(
     del options
     theta = lstsq(A, f)
     residual = f - A @ theta
-    one = np.zeros(f.size, np.int64)
-    if autocorrelation is None:
-        autocorrelation, _ = pooled_autocorrelation(residual, one, A.shape[1])
     gram = A.T @ A
-    rss = float(residual @ residual)
-    B = meat(A, one, 0, 0, f.size - 1, autocorrelation)
-    std = deviations(gram, B, rss, float(f.size))
-    return Estimate(theta, std, float(np.sqrt(rss / f.size)), float(condition_number(gram)))
+    std = window_deviation(A, gram, residual, autocorrelation)
+    rms = float(np.sqrt((residual**2).mean()))
+    return Estimate(theta, std, rms, float(condition_number(gram)))
 
 
 @njit(cache=True)

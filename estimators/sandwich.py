@@ -7,6 +7,7 @@ for correlated residuals as well. R = I gives the textbook formula.
 import numpy as np
 from numba import njit
 
+from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import inverse_spd
 from estimators.rolling import window_sums
 from estimators.trace import Floats, Ints
@@ -53,6 +54,24 @@ def deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
     for i in range(p):
         out[i] = np.sqrt(max(scale * cover[i, i], textbook * bread[i, i]))
     return out
+
+
+def window_deviation(
+    A: Floats, gram: Floats, residual: Floats, autocorrelation: Floats | None
+) -> Floats:
+    """Standard deviations of one window's estimate, (p,): the readable form.
+
+    Args:
+        A: (n, p) regressor.
+        gram: (p, p) what stands for AᵀA.
+        residual: (n,) residuals, or pseudo-residuals of a robust fit.
+        autocorrelation: (lags,) of the residuals; from these alone where none is given.
+    """
+    one = np.zeros(residual.size, np.int64)
+    if autocorrelation is None:
+        autocorrelation, _ = pooled_autocorrelation(residual, one, A.shape[1])
+    B = meat(A, one, 0, 0, residual.size - 1, autocorrelation)
+    return deviations(gram, B, float(residual @ residual), float(residual.size))
 
 
 @njit(cache=True)

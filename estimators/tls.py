@@ -15,7 +15,7 @@ from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import condition_number, solve_spd
 from estimators.ls import window_residuals
 from estimators.rolling import products, unpack, window_ends, window_sums
-from estimators.sandwich import deviations, meat, window_deviations
+from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 
@@ -55,15 +55,11 @@ def fit(
     _, s, Vt = np.linalg.svd(np.column_stack([scaled, f]), full_matrices=False)
     theta = -Vt[-1, :p] / Vt[-1, p] / scale
     residual = f - A @ theta
-    one = np.zeros(f.size, np.int64)
-    if autocorrelation is None:
-        autocorrelation, _ = pooled_autocorrelation(residual, one, p)
     gram = (scaled.T @ scaled - s[-1] ** 2 * np.eye(p)) * np.outer(scale, scale)
-    rss = float(residual @ residual)
-    B = meat(A, one, 0, 0, f.size - 1, autocorrelation)
-    std = deviations(gram, B, rss, float(f.size))
+    std = window_deviation(A, gram, residual, autocorrelation)
     theta = np.where(np.isnan(std), np.nan, theta)
-    return Estimate(theta, std, float(np.sqrt(rss / f.size)), float(condition_number(A.T @ A)))
+    rms = float(np.sqrt((residual**2).mean()))
+    return Estimate(theta, std, rms, float(condition_number(A.T @ A)))
 
 
 @njit(cache=True)
