@@ -2,8 +2,9 @@
 
 import hashlib
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
+from itertools import pairwise
 
 import polars as pl
 
@@ -12,6 +13,8 @@ from analysis.run import InputFile, Loss, Provenance
 from estimators.errors import LogError, nearest
 from replay.readers.protocol import Log
 
+#: Logs of one time line may reach into each other by no more, as parts of a split recording do.
+_OVERLAP_NS = 1_000_000_000
 #: Whatever of these changes may change a number or a recording.
 _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
 
@@ -30,7 +33,7 @@ def read_channels(
         lost on the way.
 
     Raises:
-        LogError: a topic that no log has, or that has no message.
+        LogError: a topic that no log has, that has no message, or that two logs have at one time.
     """
     wanted: dict[str, list[str]] = {}
     for channel in machine.channels.values():
@@ -60,13 +63,31 @@ def read_channels(
             for log in logs
             if log not in holders
         ]
-        frame = pl.concat([log.read(topic, fields) for log in holders])
+        parts = {log: log.read(topic, fields) for log in holders}
+        _refuse_overlap(topic, parts)
+        # a column of whole numbers in one table may have fractions in the next
+        frame = pl.concat(parts.values(), how="vertical_relaxed")
         if frame.is_empty():
             raise LogError(f"{holders[0].path}: topic '{topic}' has no messages")
         raw[topic] = frame.sort("log_time_ns", maintain_order=True)
     for log in logs:
         losses += log.losses()
     return raw, losses
+
+
+def _refuse_overlap(topic: str, parts: Mapping[Log, pl.DataFrame]) -> None:
+    """Two recordings of one topic at one time would be shuffled into one."""
+    spans = sorted(
+        (frame["log_time_ns"][0], frame["log_time_ns"][-1], str(log.path))
+        for log, frame in parts.items()
+        if frame.height
+    )
+    for (_, end, first), (start, _, second) in pairwise(spans):
+        if end - start > _OVERLAP_NS:
+            raise LogError(
+                f"{second}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before it ends in "
+                f"{first}; logs of one time line follow each other: replay these one by one"
+            )
 
 
 def provenance(

@@ -1,0 +1,62 @@
+"""What a replay takes from several logs of one time line."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from estimators.errors import LogError
+from replay import load_machine, open_log
+from replay.inputs import read_channels
+from tests.replay.sledge import sledge
+
+
+def read(machine_file: Path, *tables: pl.DataFrame) -> pl.DataFrame:
+    """The one topic of tables that are written beside the machine file."""
+    logs: list[Path] = []
+    for number, table in enumerate(tables):
+        logs.append(machine_file.with_name(f"part_{number}.csv"))
+        table.write_csv(logs[-1])
+    raw, _ = read_channels([open_log(path) for path in logs], load_machine(machine_file))
+    return raw["table"]
+
+
+def test_logs_in_any_order_are_one_time_line(machine_file: Path) -> None:
+    whole = sledge()
+    first, last = whole[:1500], whole[1500:]
+    assert read(machine_file, last, first).equals(read(machine_file, whole))
+
+
+def test_a_column_of_whole_numbers_in_one_log_joins_fractions_in_the_next(
+    machine_file: Path,
+) -> None:
+    whole = sledge()
+    standing = whole[:100].with_columns(pl.lit(0).alias("force_N"))
+    joined = read(machine_file, standing, whole[100:])
+    assert joined["force_N"].dtype == pl.Float64
+    assert joined["force_N"][99:101].to_list() == [0.0, whole["force_N"][100]]
+
+
+def test_tables_that_both_begin_at_zero_are_refused_not_shuffled_into_one(
+    machine_file: Path,
+) -> None:
+    """Each sample of the one would stand between two of the other: a mass of neither."""
+    other = sledge(mass_kg=200.0).with_columns(pl.col("time_s") + 0.005)
+    with pytest.raises(
+        LogError, match=r"part_1\.csv.* begins 39\.985 s before it ends in .*0\.csv"
+    ):
+        read(machine_file, sledge(), other)
+
+
+def test_parts_of_a_split_recording_may_reach_into_each_other_a_little(machine_file: Path) -> None:
+    whole = sledge()
+    parts = (
+        whole.filter(pl.int_range(pl.len()).is_between(0, 1549) & ~even_after(1450)),
+        (whole.filter((pl.int_range(pl.len()) >= 1550) | even_after(1450))),
+    )
+    assert read(machine_file, *parts).equals(read(machine_file, whole))
+
+
+def even_after(row: int) -> pl.Expr:
+    number = pl.int_range(pl.len())
+    return (number >= row) & (number % 2 == 0)
