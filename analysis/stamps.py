@@ -7,8 +7,8 @@ import polars as pl
 
 from analysis.run import Loss
 
-#: A header stamp may not fall back by more than this, nor lie further from the log time when other
-#: topics have only log time: then it is another clock.
+#: A header stamp may not fall back by more than this, nor may two topics' stamps lie further apart
+#: when they are compared by log time: then it is another clock.
 _CLOCK_JUMP_NS = 1_000_000_000
 _MOSTLY = 0.99
 
@@ -27,16 +27,19 @@ def place(
     """
     losses: list[Loss] = []
     headers = {topic: _header_usable(topic, frame, losses) for topic, frame in raw.items()}
-    if not all(headers.values()):
-        for topic, frame in raw.items():
-            if headers[topic] and _clock_offset_ns(frame) > _CLOCK_JUMP_NS:
+    # how far log time lies after the stamps that would place each topic
+    behind_ns = {t: _log_behind_ns(frame) if headers[t] else 0.0 for t, frame in raw.items()}
+    if max(behind_ns.values()) - min(behind_ns.values()) > _CLOCK_JUMP_NS:
+        for topic in raw:
+            if abs(behind_ns[topic]) > _CLOCK_JUMP_NS:
                 headers[topic] = False
                 losses.append(
                     Loss(
                         source="stamps",
                         topic=topic,
-                        what="header stamps are of another clock than the topics that have only "
-                        "log time, so log time places it",
+                        what="header stamps are of another clock than the other topics' stamps "
+                        f"({abs(behind_ns[topic]) / 1e9:.3g} s from log time), so log time places "
+                        "it",
                     )
                 )
     placed: dict[str, pl.DataFrame] = {}
@@ -103,6 +106,7 @@ def _header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:
     return True
 
 
-def _clock_offset_ns(frame: pl.DataFrame) -> float:
-    offset = (frame["log_time_ns"] - frame["header_stamp_ns"]).abs().median()
-    return float(offset) if isinstance(offset, int | float) else 0.0
+def _log_behind_ns(frame: pl.DataFrame) -> float:
+    """The median of log time less header stamp."""
+    behind = (frame["log_time_ns"] - frame["header_stamp_ns"]).median()
+    return float(behind) if isinstance(behind, int | float) else 0.0

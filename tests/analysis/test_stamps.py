@@ -97,6 +97,26 @@ def test_headers_of_the_same_clock_stay_beside_log_times(raw_topic):
     assert losses == []
 
 
+@pytest.mark.parametrize(
+    ("imu_s", "can_s", "labels"),
+    [
+        (-5, 0, {"/imu": "log", "/can": "header"}),
+        (30, 0, {"/imu": "log", "/can": "header"}),
+        (-5, 5, {"/imu": "log", "/can": "log"}),
+        (-3600, -3605, {"/imu": "log", "/can": "log"}),
+    ],
+)
+def test_headers_of_two_clocks_are_not_mixed(raw_topic, imu_s, can_s, labels):
+    raw = {
+        "/imu": raw_topic(LOG, LOG + imu_s * SECOND, x=LOG * 1.0),
+        "/can": raw_topic(LOG, LOG + can_s * SECOND, y=LOG * 1.0),
+    }
+    frames, found, losses = place(raw)
+    assert found == labels
+    assert {loss.topic for loss in losses} == {t for t, label in labels.items() if label == "log"}
+    np.testing.assert_array_equal(frames["/imu"]["unix_ns"], frames["/can"]["unix_ns"])
+
+
 def test_a_shared_clock_other_than_the_recorders_is_kept(raw_topic):
     raw = {name: raw_topic(LOG, LOG - 3600 * SECOND, x=LOG * 1.0) for name in ("/imu", "/can")}
     _, labels, losses = place(raw)
