@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis import filters, mounting
 from analysis.machine import Machine
-from analysis.schema import build
+from analysis.schema import HINTS, build
 from estimators.errors import DataError
 
 Ints = NDArray[np.int64]
@@ -22,7 +22,8 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
 
     A value is fresh for `gap_periods` of its channel's own median period (or of the grid's, if
     that is longer). The grid runs from the latest first sample to the earliest last one. A row in
-    which any channel is stale is a gap; of a hole longer than 60 s only the ends are kept.
+    which any channel is stale is a gap; of a hole longer than 60 s only the ends are kept. Hints
+    (boom, latitude, longitude) have no say in this; they are missing where they are stale.
 
     Args:
         channels: by name: unix_ns, ascending, and the channel's column.
@@ -37,26 +38,28 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     settings = machine.settings
     step_ns = 1e9 / settings.rate_hz
     series = {name: frame["unix_ns"].to_numpy() for name, frame in channels.items()}
-    start = max(int(t[0]) for t in series.values())
-    end = min(int(t[-1]) for t in series.values())
+    needed = {name: t for name, t in series.items() if name not in HINTS}
+    start = max(int(t[0]) for t in needed.values())
+    end = min(int(t[-1]) for t in needed.values())
     if end <= start:
         spans = ", ".join(
-            f"{n} {t[0] / 1e9:.3f}…{t[-1] / 1e9:.3f} s" for n, t in sorted(series.items())
+            f"{n} {t[0] / 1e9:.3f}…{t[-1] / 1e9:.3f} s" for n, t in sorted(needed.items())
         )
         raise DataError(f"the channels share no stretch of time: {spans}")
     fresh_ns = {
         name: settings.gap_periods * float(np.fmax(filters.period_ns(t), step_ns))
         for name, t in series.items()
     }
-    grid = _grid(series, fresh_ns, start, end, step_ns)
+    grid = _grid(needed, fresh_ns, start, end, step_ns)
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
     for name, t in series.items():
         at = np.searchsorted(t, grid, side="right") - 1
         held = channels[name][name].to_numpy()[at]
-        stale = grid - t[at] > fresh_ns[name]
+        stale = (at < 0) | (grid - t[at] > fresh_ns[name])
         columns[name] = np.where(stale, np.nan, held)
-        gap |= stale
+        if name in needed:
+            gap |= stale
     columns = mounting.to_machine_axes(columns, machine.machine.imu)
     return build("aligned", {"t_ns": grid - start, **columns, "gap": gap}), start
 

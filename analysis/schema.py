@@ -99,6 +99,8 @@ _DIRECTION = _f(
     "direction_x_1", "1", "sign of the longitudinal speed at its own rate: the Coulomb column"
 )
 
+#: What no estimate needs: a hint that is late or stale costs nothing but itself.
+HINTS: Final = frozenset(column.name for column in _HINTS)
 #: The columns that a machine file's channels may fill.
 CHANNEL_COLUMNS: Final = (*_FORCE, *_MOTION, *_HINTS)
 
@@ -129,7 +131,12 @@ FRAMES: Final[dict[str, Frame]] = {
                 _T,
                 *CHANNEL_COLUMNS,
                 _DIRECTION,
-                Column("gap", pl.Boolean, "1", "true where a channel in use has no fresh sample"),
+                Column(
+                    "gap",
+                    pl.Boolean,
+                    "1",
+                    "true where a channel other than a hint has no fresh sample",
+                ),
             ),
         ),
         Frame(

@@ -144,3 +144,24 @@ def test_only_the_time_in_common_is_kept(channels_of, machine):
     aligned, t0 = align(channels, machine())
     assert t0 == T0 + 300 * MS
     assert t0 + aligned["t_ns"][-1] == T0 + 100 * MS + 590 * MS
+
+
+def test_a_hint_that_comes_late_and_drops_out_costs_nothing_but_itself(channels_of, machine):
+    """A GPS that finds its satellites late must not shorten what is weighed."""
+    without = three(channels_of, ticks(10, 1000))
+    fixes = np.concatenate([ticks(1000, 2, 2000), ticks(1000, 2, 8000)])
+    hinted = {**without, **channels_of(latitude_deg=(fixes, [1.0, 2.0, 3.0, 4.0]))}
+    expected, t0 = align(without, machine())
+    aligned, t0_hinted = align(hinted, machine())
+    assert t0_hinted == t0
+    assert aligned.drop("latitude_deg").equals(expected)
+    at_s = dict(zip(aligned["t_ns"] // 1_000_000, aligned["latitude_deg"], strict=True))
+    assert [at_s[ms] for ms in (1990, 2000, 3990, 6000, 7000, 8000, 9990)] == [
+        None,
+        1.0,
+        2.0,
+        2.0,
+        None,
+        3.0,
+        4.0,
+    ]
