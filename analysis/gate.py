@@ -3,8 +3,9 @@
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.constants import g as standard_gravity
 
-from analysis.phases import span_rows
+from analysis.phases import beside_speed_rate, span_rows
 from analysis.regressor import straight
 from analysis.schema import REASON, build, values
 from analysis.settings import Settings
@@ -136,13 +137,22 @@ def _braking(phase: pl.Series, settings: Settings) -> Bools:
 def _saturated(excitation: pl.DataFrame, settings: Settings) -> Bools:
     if settings.saturation_force_N is None:
         return np.zeros(excitation.height, np.bool_)
-    return np.abs(values(excitation, "force_x_N")) >= settings.saturation_force_N
+    # a mean of clipped samples is the limit but for rounding
+    limit = settings.saturation_force_N * (1.0 - 1e-9)
+    return np.abs(values(excitation, "force_x_N")) >= limit
 
 
 def _slipping(excitation: pl.DataFrame, settings: Settings) -> Bools:
-    """Wheels that gain or lose speed otherwise than the machine does."""
+    """Wheels that gain or lose speed otherwise than the accelerometer says.
+
+    Gravity is taken out of the accelerometer where the pitch is known; on a slope without it, its
+    share counts as disagreement. Without an accelerometer nothing slips.
+    """
     if settings.slip_acc_m_s2 is None:
         return np.zeros(excitation.height, np.bool_)
+    machine = values(excitation, "specific_force_x_m_s2")
+    if "pitch_rad" in excitation.columns:
+        # what local gravity differs from the standard's is far below any slip
+        machine = machine - standard_gravity * np.sin(values(excitation, "pitch_rad"))
     wheels = values(excitation, "speed_rate_x_m_s2")
-    machine = values(excitation, "regressor_acc_x_m_s2")
-    return np.abs(wheels - machine) > settings.slip_acc_m_s2
+    return np.abs(wheels - beside_speed_rate(machine, settings)) > settings.slip_acc_m_s2

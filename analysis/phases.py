@@ -26,6 +26,11 @@ def speed_rate(speed: Floats, settings: Settings) -> Floats:
     return rate
 
 
+def beside_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
+    """An acceleration averaged over the span of the speed rate, so that both have one delay."""
+    return trailing_mean(acceleration, span_rows(settings))
+
+
 def span_rows(settings: Settings) -> int:
     """Rows that the speed rate looks back."""
     return max(1, round(settings.speed_rate_span_s * settings.rate_hz))

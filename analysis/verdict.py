@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
-from analysis.phases import span_rows
+from analysis.phases import beside_speed_rate
 from analysis.regressor import straight
 from analysis.schema import build, values
 from analysis.settings import Settings
-from analysis.smooth import trailing_mean
 from estimators import pooled
 
 Floats = NDArray[np.float64]
@@ -168,13 +167,9 @@ def _along_share(speed: Floats, f: Floats, of: Bools) -> float:
 
 
 def _acceleration_gain(excitation: pl.DataFrame, used: Bools, settings: Settings) -> float:
-    """Slope of the accelerometer on the wheels' acceleration, both about their means.
-
-    The accelerometer is averaged over the span of the speed rate first, so that both have the
-    same delay.
-    """
+    """Slope of the accelerometer on the wheels' acceleration, both about their means."""
     wheels = values(excitation, "speed_rate_x_m_s2")
-    imu = trailing_mean(values(excitation, "specific_force_x_m_s2"), span_rows(settings))
+    imu = beside_speed_rate(values(excitation, "specific_force_x_m_s2"), settings)
     used = used & np.isfinite(wheels) & np.isfinite(imu)
     if used.sum() < _ENOUGH:
         return float("nan")

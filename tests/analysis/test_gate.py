@@ -147,6 +147,30 @@ def test_a_force_at_the_sensors_end_is_saturated(start):
     assert why[499] == "accepted"
 
 
+@pytest.mark.parametrize("clip_N", [3000.1, 2999.7, 4321.123, 5000.3])
+def test_a_mean_of_clipped_samples_is_saturated_whatever_its_rounding(drive, excitation_of, clip_N):
+    clipped = drive(noise=0.0).but(force_x_N=lambda f: np.minimum(f, clip_N))
+    judged = gate(excitation_of(clipped), settings(saturation_force_N=clip_N))
+    assert "saturated" in judged["reason_x"].to_list()
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 5.0, -5.0])
+def test_a_hard_start_on_a_slope_of_known_pitch_does_not_slip(drive, excitation_of, pitch_deg):
+    """The speed rate looks back over its span, the accelerometer does not, and feels gravity."""
+    pitch = np.deg2rad(pitch_deg)
+    hard = ("standstill", "start", "cruise", "brake", "standstill"), (1.5, 1.0, 3.0, 2.0, 1.5)
+    pushed = drive(*hard, pitch_rad=pitch, throttle_N=9000.0)
+    excitation = excitation_of(pushed).with_columns(pitch_rad=pl.lit(float(pitch)))
+    why = reasons(excitation, slip_acc_m_s2=0.6)
+    np.testing.assert_array_equal(why == "accepted", reasons(excitation) == "accepted")
+    assert "accepted" in why
+
+
+def test_without_an_accelerometer_nothing_slips(start):
+    blind = start.drop("specific_force_x_m_s2")
+    assert "slip" not in reasons(blind, slip_acc_m_s2=0.01)
+
+
 def test_wheels_that_speed_up_without_the_machine_slip(start):
     assert "slip" not in reasons(start)
     why = reasons(changed(start, range(500, 501), speed_rate_x_m_s2=5.0), slip_acc_m_s2=2.0)
