@@ -85,9 +85,9 @@ def machine_file(log: Log, time: str | None) -> tuple[str, list[str]]:
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
-            lines.append(f'topic = "{guess.topic}"')
+            lines.append(f"topic = {_quoted(guess.topic)}")
         lines += [
-            f'field = "{guess.field}"',
+            f"field = {_quoted(guess.field)}",
             f"# in {_COLUMNS[guess.column].unit}; else unit =",
             "",
         ]
@@ -119,15 +119,15 @@ def _candidates(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
                 if column in _COLUMNS:
                     yield Guess(column, None, field)
         elif kind == "JointState":
-            yield from _joints(log, row["topic"])
+            yield from _joints(log, row["topic"], row["start_ns"])
         for column, field in _BY_TYPE.get(kind, {}).items():
             if field in fields:
                 yield Guess(column, row["topic"], field)
 
 
-def _joints(log: Log, topic: str) -> Iterator[Guess]:
+def _joints(log: Log, topic: str, start_ns: int) -> Iterator[Guess]:
     """A side's effort is its torque and its velocity its speed; one joint alone is an axis."""
-    first = log.read(topic, [f"name[{i}]" for i in range(8)]).head(1)
+    first = log.read(topic, [f"name[{i}]" for i in range(8)], end_ns=start_ns).head(1)
     names = [x for x in first.select(pl.exclude("log_time_ns", "header_stamp_ns")).row(0) if x]
     for side in ("left", "right"):
         of_side = [name for name in names if side in name.lower()]

@@ -4,12 +4,14 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import polars as pl
 import pytest
 
 from recordings import read_recording
+from tests.replay.readers.written_logs import Joints, write_mcap
 from tests.replay.sledge import Payscope, Said, sledge
 
 
@@ -364,6 +366,18 @@ class TestInit:
             "--set", "settings.exclude_braking=false",
         )  # fmt: skip
         assert json.loads(said.out)["mass_kg"]["pooled"] == pytest.approx(95.11, rel=0.02)
+
+    def test_whatever_a_log_calls_its_joints_the_file_is_toml(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        log, made = tmp_path / "named.mcap", tmp_path / "made.toml"
+        efforts = {'left "front"': 1.0, "right\\front": 2.0}
+        write_mcap(log, [Joints(k, efforts, '/wheels\\"') for k in range(1, 4)])
+        assert payscope("init", log, "-o", made).status == 0
+        channels = tomllib.loads(made.read_text())["channels"]
+        assert channels["torque_left_N_m"]["topic"] == '/wheels\\"'
+        assert channels["torque_left_N_m"]["field"] == 'effort[left "front"]'
+        assert channels["speed_right_m_s"]["field"] == "velocity[right\\front]"
 
     def test_what_is_missing_is_said(
         self, payscope: Payscope, shared_data: Path, tmp_path: Path
