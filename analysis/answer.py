@@ -42,8 +42,14 @@ def why_nothing_was_accepted(
         return None
     window_s = settings.window_samples / settings.rate_hz
     rows_s = excitation.height / settings.rate_hz
-    if excitation.height < settings.window_samples + settings.smooth_samples - 1:
+    mean_s = (settings.smooth_samples - 1) / settings.rate_hz
+    if rows_s < window_s:
         return f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s"
+    if excitation.height < settings.window_samples + settings.smooth_samples - 1:
+        return (
+            f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s and the moving mean "
+            f"before it {mean_s:.2f} s"
+        )
     phase = excitation["phase"]
     whole = phase.is_not_null()
     stretches = [

@@ -42,6 +42,8 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
     n = x.size
     rho = np.full(n, np.nan)
     spread = np.full(n, np.nan)
+    if n < window:
+        return rho, spread
     suffix = np.empty((window, 5))
     prefix = np.zeros(5)
     one = np.zeros(5)

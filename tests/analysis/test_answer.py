@@ -79,6 +79,12 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
         (TRIP, (1.5, 5.0, 2.0, 1.5), {}, None),
         (("start",), (2.0,), {}, "the log lasts 2.00 s, a window needs 3.20 s"),
         (
+            ("start",),
+            (3.25,),
+            {},
+            "the log lasts 3.25 s, a window needs 3.20 s and the moving mean before it 0.09 s",
+        ),
+        (
             ("start", "brake") * 2,
             (2.0, 1.0) * 2,
             {},
@@ -97,7 +103,7 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
             "the longest stretch without a gap is 1.",
         ),
     ],
-    ids=["accepted", "short", "braking", "standstill", "gaps"],
+    ids=["accepted", "short", "short of a mean", "braking", "standstill", "gaps"],
 )
 def test_the_obstacle_is_named(drive, excitation_of, machine, manoeuvres, seconds, changes, why):
     settings = machine().settings

@@ -54,6 +54,12 @@ def test_a_constant_window_has_no_correlation_and_no_spread(value, other, window
         np.testing.assert_array_equal(spread[window - 1 :], 0.0)
 
 
+def test_a_window_far_longer_than_the_log_takes_no_memory():
+    rho, spread = window_correlation(np.arange(9.0), np.arange(9.0), 2_000_000_000_000)
+    assert np.isnan(rho).all()
+    assert np.isnan(spread).all()
+
+
 def test_a_constant_stretch_inside_a_log_is_not_a_correlation_of_rounding():
     x = np.concatenate([np.random.default_rng(6).normal(size=100), np.full(100, 0.1)])
     rho, _ = window_correlation(x, 3.0 * x + 0.7, 20)
