@@ -65,6 +65,12 @@ class LogSection(BaseModel):
     time: str | None = None
     time_unit: str = "s"
 
+    @model_validator(mode="after")
+    def _unit_of_something(self) -> Self:
+        if self.time is None and self.time_unit != "s":
+            raise ValueError("time_unit needs time, the column that it is the unit of")
+        return self
+
 
 class Channel(BaseModel):
     """Where one column comes from: a field of a topic, or other channels."""

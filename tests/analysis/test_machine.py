@@ -230,3 +230,10 @@ def test_nothing_of_a_machine_changes_once_made():
     with pytest.raises(ValidationError, match="frozen"):
         machine.machine.force_share = 0.5
     assert isinstance(machine.machine, Body)
+
+
+def test_a_unit_of_time_without_the_time_column_is_refused_rather_than_ignored():
+    with pytest.raises(ValidationError, match="time_unit needs time"):
+        LogSection(time_unit="ms")
+    assert LogSection(time="t", time_unit="ms").time_unit == "ms"
+    assert LogSection.model_validate(LogSection().model_dump()) == LogSection()
