@@ -92,10 +92,10 @@ def _masses(answer: dict[str, Any]) -> Table:
 
 
 def _number(answer: dict[str, Any], method: str, name: str, std_name: str | None) -> str:
-    value = answer[name][method]
+    value, std = answer[name][method], answer[std_name][method] if std_name else None
     if value is None:
         return "–"
-    return f"{value:,.2f}" + (f" ± {answer[std_name][method]:.2f}" if std_name else "")
+    return f"{value:,.2f}" + ("" if std is None else f" ± {std:.2f}")
 
 
 def _checks(checks: Sequence[dict[str, Any]]) -> Table:
