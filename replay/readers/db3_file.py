@@ -59,7 +59,7 @@ class Db3File:
         """The log times of a topic; the first call goes through the whole table."""
         if self._times is None:
             stamps = "SELECT topic_id, timestamp FROM messages"
-            pairs = np.array(list(self._rows(stamps, ())), np.int64).reshape(-1, 2)
+            pairs = np.fromiter(self._rows(stamps, ()), np.dtype((np.int64, 2)))
             self._times = {c.id: pairs[pairs[:, 0] == c.id, 1] for c in self.connections}
         return self._times.get(connection_id, no_times())
 

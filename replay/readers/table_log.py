@@ -149,8 +149,11 @@ class TableLog:
             return values.cast(pl.Float64)
         if values.dtype.is_integer() and values.dtype != pl.UInt64:
             return values.cast(pl.Int64)
+        if values.dtype == pl.Duration:
+            return values.dt.total_nanoseconds()
         if values.dtype.is_temporal():
-            return values.to_physical().cast(pl.Int64)
+            since_midnight = values.dtype == pl.Time
+            return values.to_physical() if since_midnight else values.dt.timestamp("ns")
         keeps = values.dtype.is_integer() or values.dtype == pl.Boolean
         return values if keeps else values.cast(pl.String)
 

@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 from recordings import read_recording
+from replay.commands.replaying import print_answer
 from tests.replay.readers.written_logs import Joints, write_mcap
 from tests.replay.sledge import Payscope, Said, sledge
 
@@ -62,6 +63,22 @@ class TestRun:
         )
         assert said.status == 1
         assert json.loads(said.out)["accepted_share"] == 0
+
+    def test_a_mass_without_a_deviation_is_printed_alone(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        numbers = {
+            "mass_kg": {"pooled": 120.0},
+            "mass_std_kg": {"pooled": None},
+            "payload_kg": {"pooled": 20.0},
+            "friction_x_N_s_m": {"pooled": None},
+            "friction_x_std_N_s_m": {"pooled": None},
+        }
+        said = {"losses": [], "notes": [], "accepted_share": 0.1, "recording": None}
+        print_answer(
+            {**numbers, **said, "verdict": {"can_weigh": True, "checks": []}}, as_json=False
+        )
+        assert "120.00  " in capsys.readouterr().out
 
     def test_timing_splits_the_seconds_by_stage(
         self, payscope: Payscope, log: Path, machine_file: Path

@@ -41,6 +41,22 @@ def test_a_table_is_a_log_with_the_one_topic_table(table: Path) -> None:
     assert row["fields"] == SAMPLES.columns
 
 
+def test_stamps_and_durations_are_nanoseconds_whatever_their_own_unit(tmp_path: Path) -> None:
+    units = {
+        "ms": pl.Datetime("ms"),
+        "us": pl.Datetime("us", "UTC"),
+        "day": pl.Date(),
+        "lap": pl.Duration("ms"),
+        "clock": pl.Time(),
+    }
+    counts = pl.DataFrame({"time_s": [0.0], **{name: [1] for name in units}})
+    path = tmp_path / "shift.parquet"
+    counts.with_columns(pl.col(n).cast(dtype) for n, dtype in units.items()).write_parquet(path)
+    frame = open_log(path).read("table", list(units)).select(*units)
+    assert set(frame.dtypes) == {pl.Int64}
+    assert frame.row(0) == (1_000_000, 1_000, 86_400 * 10**9, 1_000_000, 1)
+
+
 def test_columns_keep_their_kind_and_their_nan_inf_and_nothing(table: Path) -> None:
     frame = open_log(table).read("table", ["force_N", "count", "brake", "note"])
     stamps = {"log_time_ns": pl.Int64, "header_stamp_ns": pl.Int64}
