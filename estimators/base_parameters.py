@@ -13,7 +13,7 @@ import numpy as np
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.errors import DataError, nearest
 from estimators.identifiability import Identifiability, identify
-from estimators.linear import lstsq
+from estimators.linear import inverse_spd, lstsq
 from estimators.sandwich import deviations, meat
 from estimators.trace import Floats, Ints
 
@@ -184,7 +184,10 @@ def _covariance(A: Floats, residual: Floats, segment_id: Ints) -> Floats:
             B += meat(np.ascontiguousarray(A[:, axis]), labels, label, first, last, correlation)
     gram = np.einsum("nki,nkj->ij", A, A)
     std = deviations(gram, B, float((residual**2).sum()), float(residual.size))
-    bread: Floats = np.asarray(np.linalg.inv(gram), np.float64)
+    bread = inverse_spd(gram)
+    if not np.isfinite(bread).all():
+        # determined by rounding alone: no deviation can be told
+        return np.full((r, r), np.nan)
     cover = bread @ B @ bread
     # a tapered correlation need not be positive definite
     shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else bread

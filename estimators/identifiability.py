@@ -62,8 +62,8 @@ def identify(A: Floats, parameters: Sequence[str], noise: Floats | None = None) 
         A: (..., p) stacked regressor; all axes but the last are rows.
         parameters: (p,) names of the columns.
         noise: (p,) r.m.s. noise of each measured column, in its unit. With it, only what stands
-            `NOISE_MARGIN` times above the noise counts; without it A is taken as exact, and any
-            noise then makes everything look determined.
+            `NOISE_MARGIN` times above the noise counts, and what does not is left to the residuals;
+            without it A is taken as exact, and any noise then makes everything look determined.
 
     Raises:
         DataError: A holds NaN, or there is not one name and one noise above zero a column.

@@ -122,3 +122,31 @@ def regressor(
     force_x = [specific_force_x, zero, -(yaw_rate**2), -yaw_acceleration, speed, zero]
     torque_z = [zero, yaw_acceleration, specific_force_y, -specific_force_x, zero, yaw_rate]
     return np.stack([np.stack(force_x, -1), np.stack(torque_z, -1)], -2)
+
+
+def column_noise(
+    A: Floats,
+    specific_force_x: float,
+    specific_force_y: float,
+    speed: float,
+    yaw_rate: float,
+    yaw_acceleration: float,
+) -> Floats:
+    """What the channels' noise puts into each column, for `identifiability.identify`.
+
+    Args:
+        A: (n, 2, 6) the measured `regressor`.
+        specific_force_x: r.m.s. noise as it is in A, after any smoothing, in m/s².
+        specific_force_y: likewise; about v times that of ω where it was made of ω v.
+        speed: likewise, in m/s.
+        yaw_rate: likewise, in rad/s.
+        yaw_acceleration: likewise, in rad/s².
+
+    Returns:
+        (6,) r.m.s. over both rows.
+    """
+    omega = A[:, 1, PARAMETERS.index("friction_z_N_m_s")]
+    omega_squared = 2.0 * float(np.sqrt(np.mean(omega**2))) * yaw_rate
+    force_x = [specific_force_x, 0.0, omega_squared, yaw_acceleration, speed, 0.0]
+    torque_z = [0.0, yaw_acceleration, specific_force_y, specific_force_x, 0.0, yaw_rate]
+    return np.sqrt(np.mean(np.square([force_x, torque_z]), axis=0))

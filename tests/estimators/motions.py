@@ -68,7 +68,7 @@ def spatial(motion, lateral_speed=None):
     )
 
 
-def measured(motion, noise, generator, mean=10):
+def measured(motion, noise, generator, mean):
     """A motion with white noise on every channel (a mapping of r.m.s.), after a moving mean."""
     kernel = np.ones(mean) / mean
     return {

@@ -146,3 +146,18 @@ def test_what_is_wrong_is_said_in_one_line():
         fit(A, f[:, 0], planar.PARAMETERS)
     with pytest.raises(DataError, match="forces hold NaN"):
         fit(A, np.nan * f, planar.PARAMETERS)
+
+
+@settings(deadline=None)
+@given(st.floats(-15, 0))
+def test_however_nearly_columns_depend_there_is_an_estimate_with_or_without_a_deviation(exponent):
+    generator = np.random.default_rng(6)
+    a, b, e = generator.normal(size=(3, 300))
+    A = np.column_stack([a, a + 10.0**exponent * b])[:, None]
+    found = fit(A, (A @ [3.0, 5.0]) + 1e-3 * e[:, None], ["one_1", "other_1"])
+    if found.identifiability.rank == 2:
+        error = np.abs(found.theta - [3.0, 5.0])
+        assert np.isnan(found.std).all() or (error < 5.0 * found.std).all()
+    else:
+        assert np.isnan(found.theta).all()
+        assert found.combination == pytest.approx([8.0], abs=1e-3)

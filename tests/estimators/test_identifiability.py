@@ -144,11 +144,10 @@ def test_measured_with_noise_the_same_is_determined_when_the_noise_is_told(motio
         "yaw_rate": 0.002,
         "yaw_acceleration": 0.01,
     }
-    A = planar.regressor(**measured(MOTIONS[motion], sigma, generator))
+    A = planar.regressor(**measured(MOTIONS[motion], sigma, generator, mean=10))
     assert identify(A, planar.PARAMETERS).rank == 6
-    after_mean = np.sqrt(0.1)
-    noise = after_mean * np.array([0.01, 0.01, 0.01, 0.01, 0.005, 0.002])
-    found = identify(A, planar.PARAMETERS, noise)
+    after_mean = {name: rms / np.sqrt(10.0) for name, rms in sigma.items()}
+    found = identify(A, planar.PARAMETERS, planar.column_noise(A, **after_mean))
     assert (found.rank, names(found)) == DETERMINED[motion]
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from estimators import planar, rigid_body
-from tests.estimators.motions import MOTIONS, T_S, constant_arc
+from tests.estimators.motions import MOTIONS, T_S, constant_arc, measured
 
 column = arrays(np.float64, 7, elements=st.floats(-1e3, 1e3))
 COLUMNS = [rigid_body.PARAMETERS.index(name) for name in planar.PARAMETERS]
@@ -78,3 +78,13 @@ def test_the_z_row_of_7_as_printed_weighs_a_loader_as_next_to_nothing():
     right = np.linalg.lstsq(A, f, rcond=None)[0]
     assert right[0] == pytest.approx(3614.0)
     assert abs(printed[0]) < 100.0
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_the_noise_of_the_columns_is_what_noise_on_the_channels_makes_of_them(motion):
+    sigma = dict(zip(MOTIONS[motion], [0.02, 0.03, 0.005, 0.004, 0.01], strict=True))
+    noisy = measured(MOTIONS[motion], sigma, np.random.default_rng(5), mean=1)
+    A = planar.regressor(**noisy)
+    error = (A - planar.regressor(**MOTIONS[motion])).reshape(-1, 6)
+    expected = np.sqrt(np.mean(error**2, axis=0))
+    np.testing.assert_allclose(planar.column_noise(A, **sigma), expected, rtol=0.05)
