@@ -1,0 +1,143 @@
+"""Which parameters a motion determines, and which combinations of the others.
+
+A motion's stacked regressor A = U S Vᵀ determines the part of φ in the span of the right singular
+vectors V_r whose singular values are not zero. Parameter i lies in it when (V_r V_rᵀ)_ii = 1. The
+reduced row echelon form C of V_rᵀ spans the same and reads better: A φ = A_base (C φ), where A_base
+keeps the columns of the pivots alone. A row of C with one entry is a parameter; the other rows are
+the combinations (the base parameters of Gautier and Khalil, 1990).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.errors import DataError
+from estimators.trace import Bools, Floats, Ints
+
+#: (V_r V_rᵀ)_ii above 1 minus this is 1, where A is exact.
+EXACT = 1e-8
+#: Where A is measured: a direction must stand this many times above its noise, …
+NOISE_MARGIN = 10.0
+#: … and what noise turns V_r by is not taken for a combination.
+NOISY = 1e-3
+#: A parameter is passed over as pivot when a later one stands this many times further out.
+PIVOT_PREFERENCE = 100.0
+
+
+@dataclass(frozen=True, slots=True)
+class Identifiability:
+    """What a motion determines of p parameters.
+
+    Attributes:
+        parameters: (p,) their names.
+        rank: how many numbers the motion determines.
+        identifiable: (p,) which parameters are determined by themselves.
+        base: (rank,) the columns that are enough: pivots of `echelon`.
+        echelon: (rank, p) what is determined, in units of `base`: 1 at its pivot.
+        condition: condition number of the base columns, scaled to unit norm.
+    """
+
+    parameters: tuple[str, ...]
+    rank: int
+    identifiable: Bools
+    base: Ints
+    echelon: Floats
+    condition: float
+
+    @property
+    def combinations(self) -> Floats:
+        """(rank - identifiable, p) the rows of `echelon` that join several parameters."""
+        return self.echelon[~self.identifiable[self.base]]
+
+    def texts(self) -> list[str]:
+        """The combinations as a person reads them: `mass_kg - 5 first_moment_x_kg_m`."""
+        return [_text(row, self.parameters) for row in self.combinations]
+
+
+def identify(A: Floats, parameters: Sequence[str], noise: Floats | None = None) -> Identifiability:
+    """Find what a motion determines.
+
+    Args:
+        A: (..., p) stacked regressor; all axes but the last are rows.
+        parameters: (p,) names of the columns.
+        noise: (p,) r.m.s. noise of each measured column, in its unit. With it, only what stands
+            `NOISE_MARGIN` times above the noise counts, and what does not is left to the residuals;
+            without it A is taken as exact, and any noise then makes everything look determined.
+
+    Raises:
+        DataError: A holds NaN, or there is not one name and one noise above zero a column.
+    """
+    rows = A.reshape(int(np.prod(A.shape[:-1])), A.shape[-1])
+    n, p = rows.shape
+    if len(parameters) != p:
+        raise DataError(f"the regressor has {p} columns; {len(parameters)} parameters are named")
+    if not np.isfinite(rows).all():
+        raise DataError("the regressor holds NaN or infinity; leave out the samples that miss")
+    if noise is None:
+        scale = np.linalg.norm(rows, axis=0)
+        scale[scale == 0.0] = 1.0
+    elif noise.shape == (p,) and (noise > 0.0).all():
+        scale = noise * np.sqrt(max(n, 1))
+    else:
+        raise DataError(f"the noise of {p} columns is asked for, each above zero; got {noise}")
+    # R has A's singular values and is at most p rows high, however long the log
+    R: Floats = np.asarray(np.linalg.qr(rows / scale, mode="r"))
+    singular, Vt = np.linalg.svd(R)[1:]
+    if noise is None:
+        smallest = max(n, p) * np.finfo(float).eps * singular.max(initial=0.0)
+        slack = EXACT
+    else:
+        smallest, slack = NOISE_MARGIN, NOISY
+    rank = int((singular > smallest).sum())
+    identifiable = (Vt[:rank] ** 2).sum(0) > 1.0 - slack
+    base, echelon = _echelon(Vt[:rank])
+    # coefficients that the test above takes for zero
+    echelon[identifiable[base]] = 0.0
+    echelon[np.abs(echelon) < np.sqrt(slack / p)] = 0.0
+    echelon[:, base] = np.eye(rank)
+    return Identifiability(
+        parameters=tuple(parameters),
+        rank=rank,
+        identifiable=identifiable,
+        base=base,
+        echelon=echelon * scale / scale[base][:, None],
+        condition=_condition(R, base),
+    )
+
+
+def _echelon(rows: Floats) -> tuple[Ints, Floats]:
+    """Pivots (r,) ascending and the reduced row echelon form (r, p) of r independent rows.
+
+    The earliest column that stands out far enough is the next pivot, not the one furthest out:
+    a combination should be told of the mass where it can be.
+    """
+    rest = rows.copy()
+    pivots: list[int] = []
+    for _ in range(rows.shape[0]):
+        length = np.linalg.norm(rest, axis=0)
+        pivot = int(np.argmax(length * PIVOT_PREFERENCE >= length.max()))
+        pivots.append(pivot)
+        direction = rest[:, pivot] / length[pivot]
+        rest -= np.outer(direction, direction @ rest)
+    base = np.array(sorted(pivots), np.int64)
+    return base, np.asarray(np.linalg.solve(rows[:, base], rows), np.float64)
+
+
+def _condition(R: Floats, base: Ints) -> float:
+    """The condition number of the base columns scaled to unit norm; infinite where none is."""
+    if base.size == 0:
+        return np.inf
+    columns = R[:, base]
+    singular = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
+    return float(singular[0] / singular[-1])
+
+
+def _text(row: Floats, parameters: tuple[str, ...]) -> str:
+    """A linear combination, its coefficients to four digits."""
+    text = ""
+    for i in np.flatnonzero(row):
+        size = f"{abs(row[i]):.4g} ".removeprefix("1 ")
+        sign = "-" if row[i] < 0.0 else "+"
+        text += f" {sign} {size}{parameters[i]}"
+    return text.removeprefix(" + ").strip()

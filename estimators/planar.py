@@ -1,0 +1,152 @@
+"""The rows of (5) that a machine on the ground measures, and the paper's three stages (7)-(9).
+
+Wheels measure two of the six forces: f_x and τ_z. The lateral force f_y is a reaction of the ground
+that nothing measures, so it is no row here. Of the 16 parameters these two rows hold six, whatever
+the machine does in the plane, and even on a slope, since (5) multiplies none of the others here:
+
+    f_x = s_x m - ω² mc_x - ω̇ mc_y + v b_x
+    τ_z = s_y mc_x - s_x mc_y + ω̇ Izz + ω b_ψ
+
+with the specific force s of the origin (s_x = dv/dt, s_y = ω v for wheels that do not slip on level
+ground). What each motion lets one tell apart, as rank of these rows:
+
+    straight                        3   m, mc_y, b_x
+    spin about the origin           4   mc_x, mc_y, Izz, b_ψ
+    spin about a centre 0.2 m ahead 4   mc_y, b_ψ, m - 5 mc_x, Izz - 0.2 mc_x
+    one constant arc                2   none by itself
+    v and ω both triangular         6   all
+
+The last needs two periods, or one out of step: where dv/dt = k ω̇ throughout, m mixes with mc_y and
+the rank is 5. A row for f_y would make the third 5 (with b_y) and the fourth 3; it is not measured.
+"""
+
+import numpy as np
+
+from estimators.trace import Floats
+
+#: The parameters of the two rows, a name a column; names as in `rigid_body.PARAMETERS`. A
+#: combination is told of its earliest: mass and inertia come before the moments they mix with.
+PARAMETERS = (
+    "mass_kg",
+    "inertia_z_kg_m2",
+    "first_moment_x_kg_m",
+    "first_moment_y_kg_m",
+    "friction_x_N_s_m",
+    "friction_z_N_m_s",
+)
+
+#: What the two rows are.
+ROWS = ("force_x_N", "torque_z_N_m")
+
+STRAIGHT_PARAMETERS = ("mass_kg", "friction_x_N_s_m")
+SPIN_PARAMETERS = ("inertia_z_kg_m2", "friction_z_N_m_s")
+ARC_PARAMETERS = ("first_moment_x_kg_m", "friction_x_N_s_m", "friction_z_N_m_s")
+
+
+def straight(specific_force_x: Floats, speed: Floats, direction: Floats | None = None) -> Floats:
+    """Stage 1, the x row of (7) alone: s_x m + v b_x [+ sign(v) c] = f_x.
+
+    The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
+    accelerometer's 9.81 m/s² in a_z.
+
+    Args:
+        specific_force_x: (n,) in m/s².
+        speed: (n,) v in m/s.
+        direction: (n,) sign of v, filtered like the other columns; adds Coulomb friction in N.
+
+    Returns:
+        (n, 2) for `STRAIGHT_PARAMETERS`, or (n, 3).
+    """
+    columns = (
+        [specific_force_x, speed] if direction is None else [specific_force_x, speed, direction]
+    )
+    return np.stack(columns, -1)
+
+
+def spin(yaw_acceleration: Floats, yaw_rate: Floats) -> Floats:
+    """Stage 2, the yaw row of (8) alone: ω̇ Izz + ω b_ψ = τ_z, for a spin about the origin.
+
+    Rows 1 and 2 as printed say ω̇ I13 - ω² I23 = 0 and ω̇ I23 + ω² I13 = 0, which only I13 = I23 = 0
+    obeys: they weigh reactions of the ground that nothing measures.
+
+    Args:
+        yaw_acceleration: (n,) ω̇ in rad/s².
+        yaw_rate: (n,) ω in rad/s.
+
+    Returns:
+        (n, 2) for `SPIN_PARAMETERS`.
+    """
+    return np.stack([yaw_acceleration, yaw_rate], -1)
+
+
+def arc(speed: Floats, yaw_rate: Floats) -> Floats:
+    """Stage 3, an arc at constant v and ω: f_x = -ω² mc_x + v b_x, τ_z = ω v mc_x + ω b_ψ.
+
+    (9) as printed equates a vector to a scalar and drops d̈ = ω × v, which is not zero on an arc.
+    One arc determines none of the three; mc_x needs b_x or b_ψ from the stages before, or a
+    second arc at another v or ω.
+
+    Args:
+        speed: (n,) v in m/s.
+        yaw_rate: (n,) ω in rad/s.
+
+    Returns:
+        (n, 2, 3): `ROWS` for `ARC_PARAMETERS`.
+    """
+    zero = np.zeros_like(speed)
+    force_x = np.stack([-(yaw_rate**2), speed, zero], -1)
+    torque_z = np.stack([yaw_rate * speed, zero, yaw_rate], -1)
+    return np.stack([force_x, torque_z], -2)
+
+
+def regressor(
+    specific_force_x: Floats,
+    specific_force_y: Floats,
+    speed: Floats,
+    yaw_rate: Floats,
+    yaw_acceleration: Floats,
+) -> Floats:
+    """All three stages in one, for any motion in the plane.
+
+    Args:
+        specific_force_x: (n,) of the origin, in m/s².
+        specific_force_y: (n,) of the origin, in m/s²; ω v where wheels that do not slip tell it.
+        speed: (n,) v in m/s.
+        yaw_rate: (n,) ω in rad/s.
+        yaw_acceleration: (n,) ω̇ in rad/s².
+
+    Returns:
+        (n, 2, 6): `ROWS` for `PARAMETERS`.
+    """
+    zero = np.zeros_like(speed)
+    force_x = [specific_force_x, zero, -(yaw_rate**2), -yaw_acceleration, speed, zero]
+    torque_z = [zero, yaw_acceleration, specific_force_y, -specific_force_x, zero, yaw_rate]
+    return np.stack([np.stack(force_x, -1), np.stack(torque_z, -1)], -2)
+
+
+def column_noise(
+    A: Floats,
+    specific_force_x: float,
+    specific_force_y: float,
+    speed: float,
+    yaw_rate: float,
+    yaw_acceleration: float,
+) -> Floats:
+    """What the channels' noise puts into each column, for `identifiability.identify`.
+
+    Args:
+        A: (n, 2, 6) the measured `regressor`.
+        specific_force_x: r.m.s. noise as it is in A, after any smoothing, in m/s².
+        specific_force_y: likewise; about v times that of ω where it was made of ω v.
+        speed: likewise, in m/s.
+        yaw_rate: likewise, in rad/s.
+        yaw_acceleration: likewise, in rad/s².
+
+    Returns:
+        (6,) r.m.s. over both rows.
+    """
+    omega = A[:, 1, PARAMETERS.index("friction_z_N_m_s")]
+    omega_squared = 2.0 * float(np.sqrt(np.mean(omega**2))) * yaw_rate
+    force_x = [specific_force_x, 0.0, omega_squared, yaw_acceleration, speed, 0.0]
+    torque_z = [0.0, yaw_acceleration, specific_force_y, specific_force_x, 0.0, yaw_rate]
+    return np.sqrt(np.mean(np.square([force_x, torque_z]), axis=0))
