@@ -84,13 +84,14 @@ def straight_drives(
             "t_ns": t_ns,
             "corr_x_1": 0.4 + 0.5 * np.sin(in_cycle / 4),
             "mi_x_nat": 0.2 + 0.9 * (reason == "accepted") + 0.05 * np.sin(t_s),
+            "ksg_x_nat": 0.1 + 0.8 * (reason == "accepted"),
             "predicted_std_x": 30.0 + 400.0 * (reason != "accepted"),
             "accepted_x": reason == "accepted",
             "reason_x": reason,
         }
     ).with_columns(
         pl.col("reason_x").cast(REASON),
-        pl.when(pl.col("reason_x") != "warming_up").then(pl.col("^(corr|mi|pred).*$")),
+        pl.when(pl.col("reason_x") != "warming_up").then(pl.col("^(corr|mi|ksg|pred).*$")),
     )
     frames = {
         "raw//torque": _raw(t_ns, force),
