@@ -101,22 +101,21 @@ def fit(
             raise DataError(f"no parameter '{name}' to be known; {nearest(name, parameters)}")
     segment_id = np.zeros(n, np.int64) if segment_id is None else segment_id
     used = segment_id >= 0
-    A, f, segment_id = A[used], f[used], segment_id[used]
-    if not np.isfinite(f).all():
+    if not np.isfinite(f[used]).all():
         raise DataError("the forces hold NaN or infinity; leave out the samples that miss")
 
     given = np.array([name in known for name in parameters])
     values = np.array([known[name][0] for name in parameters if name in known], np.float64)
     stds = np.array([known[name][1] for name in parameters if name in known], np.float64)
     free = np.flatnonzero(~given)
-    found = identify(
-        A[..., free], [parameters[int(i)] for i in free], None if noise is None else noise[free]
-    )
+    names = [parameters[int(i)] for i in free]
+    found = identify(A[used][..., free], names, None if noise is None else noise[free])
     base = A[..., free[found.base]]
     beta, covariance, weight, rms = _weighted_fit(base, f - A[..., given] @ values, segment_id)
 
     # what an error of the known ones does to the fitted ones
-    gain = -_solve(base * weight, (A[..., given] * weight).reshape(f.size, values.size))
+    given_rows = (A[used][..., given] * weight).reshape(f[used].size, values.size)
+    gain = -_solve(base[used] * weight, given_rows)
     covariance = covariance + gain * stds**2 @ gain.T
 
     single = found.identifiable[found.base]
@@ -149,41 +148,45 @@ def _solve(A: Floats, f: Floats) -> Floats:
 def _weighted_fit(A: Floats, f: Floats, segment_id: Ints) -> tuple[Floats, Floats, Floats, Floats]:
     """θ (r,), its covariance (r, r), the weights (k, 1) of the axes and their r.m.s. (k,)."""
     k, r = A.shape[1:]
-    if f.size == 0:
+    used = segment_id >= 0
+    rows, force = A[used], f[used]
+    if force.size == 0:
         return np.full(r, np.nan), np.full((r, r), np.nan), np.ones((k, 1)), np.full(k, np.nan)
     if r == 0:
-        return np.empty(0), np.empty((0, 0)), np.ones((k, 1)), np.sqrt((f**2).mean(0))
-    floor = LEAST_RESIDUAL * np.sqrt((f**2).mean()) or 1.0
+        return np.empty(0), np.empty((0, 0)), np.ones((k, 1)), np.sqrt((force**2).mean(0))
+    floor = LEAST_RESIDUAL * np.sqrt((force**2).mean()) or 1.0
     rms = np.ones(k)
     for _ in range(MOST_ROUNDS):
-        theta = _solve(A / rms[:, None], (f / rms).reshape(-1))
-        before, rms = rms, np.maximum(np.sqrt(((f - A @ theta) ** 2).mean(0)), floor)
+        theta = _solve(rows / rms[:, None], (force / rms).reshape(-1))
+        before, rms = rms, np.maximum(np.sqrt(((force - rows @ theta) ** 2).mean(0)), floor)
         if (np.abs(rms / before - 1.0) < SETTLED).all():
             break
     weight = 1.0 / rms[:, None]
-    theta = _solve(A * weight, (f / rms).reshape(-1))
-    residual = f - A @ theta
-    covariance = _covariance(A * weight, residual / rms, segment_id)
-    return theta, covariance, weight, np.sqrt((residual**2).mean(0))
+    theta = _solve(rows * weight, (force / rms).reshape(-1))
+    covariance = _covariance(A * weight, (f - A @ theta) / rms, segment_id)
+    return theta, covariance, weight, np.sqrt(((force - rows @ theta) ** 2).mean(0))
 
 
 def _covariance(A: Floats, residual: Floats, segment_id: Ints) -> Floats:
     """The sandwich (r, r) of k axes of one scale; an axis of a stretch is a series of its own."""
     k, r = A.shape[1:]
-    labels = np.unique(segment_id, return_inverse=True)[1].astype(np.int64)
-    series = labels * k + np.arange(k)[:, None]
+    used = segment_id >= 0
+    # samples left out keep their place, so that a lag stays a lag across them
+    series = np.where(used, segment_id * k + np.arange(k)[:, None], -1)
+    labels = np.unique(segment_id[used])
     # θ is fitted to all series together, so that each has lost its share of the r
-    share = -(-r // np.unique(series).size)
+    share = -(-r // (k * labels.size))
     correlation, _ = pooled_autocorrelation(residual.T.reshape(-1), series.reshape(-1), share)
-    size = np.sqrt((A**2).sum((0, 1)))
+    size = np.sqrt((A[used] ** 2).sum((0, 1)))
     A = A / size
     B = np.zeros((r, r))
-    for label in np.unique(labels):
-        first, last = np.flatnonzero(labels == label)[[0, -1]]
+    for label in labels:
+        first, last = np.flatnonzero(segment_id == label)[[0, -1]]
         for axis in range(k):
-            B += meat(np.ascontiguousarray(A[:, axis]), labels, label, first, last, correlation)
-    gram = np.einsum("nki,nkj->ij", A, A)
-    std = deviations(gram, B, float((residual**2).sum()), float(residual.size))
+            columns = np.ascontiguousarray(A[:, axis])
+            B += meat(columns, segment_id, label, first, last, correlation)
+    gram = np.einsum("nki,nkj->ij", A[used], A[used])
+    std = deviations(gram, B, float((residual[used] ** 2).sum()), float(residual[used].size))
     bread = inverse_spd(gram)
     if not np.isfinite(bread).all():
         # determined by rounding alone: no deviation can be told
