@@ -97,7 +97,9 @@ class Settings(BaseModel):
     steady_yaw_acc_rad_s2: float = Field(0.05, gt=0, description="smaller ones are steady arcs")
     saturation_force_N: float | None = Field(None, gt=0, description="force where a sensor clips")
     slip_acc_m_s2: float | None = Field(
-        None, gt=0, description="disagreement of wheel and IMU acceleration that means slip"
+        None,
+        gt=0,
+        description="disagreement of wheels and IMU that means slip (slopes need pitch_rad)",
     )
     condition_max: float = Field(1000.0, gt=1, description="larger condition numbers are refused")
     verdict: VerdictLimits = VerdictLimits.model_validate({})

@@ -75,7 +75,11 @@ def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend
     line = shown["display/threshold/threshold_nat"]
     assert line["threshold"].to_list() == [0.7, 0.7]
     labels = [each.label for each in drawn_of(_view("Information index"), run, shown)]
-    assert labels == ["index of the window", "threshold 0.7 nat"]
+    assert labels == [
+        "index of the window",
+        "mutual information by nearest neighbours",
+        "threshold 0.7 nat",
+    ]
 
 
 def test_a_long_log_has_an_overview_of_a_few_thousand_bins_with_mean_and_extremes(drives):
