@@ -46,10 +46,7 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
             f"{n} {t[0] / 1e9:.3f}…{t[-1] / 1e9:.3f} s" for n, t in sorted(needed.items())
         )
         raise DataError(f"the channels share no stretch of time: {spans}")
-    fresh_ns = {
-        name: settings.gap_periods * float(np.fmax(filters.period_ns(t), step_ns))
-        for name, t in series.items()
-    }
+    fresh_ns = {name: filters.longest_step_ns(t, settings) for name, t in series.items()}
     grid = _grid(needed, fresh_ns, start, end, step_ns)
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}

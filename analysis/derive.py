@@ -44,13 +44,13 @@ def derive(
     for name in machine.derivation_order():
         channel = machine.channels[name]
         if channel.derivative_of:
-            t, x = filters.derivative(
-                *series[channel.derivative_of], settings.gap_periods, causal=settings.causal
-            )
-            t, x = t, x * channel.scale + channel.offset
+            t, x = series[channel.derivative_of]
+            longest_ns = filters.longest_step_ns(t, settings)
+            t, x = filters.derivative(t, x, longest_ns, causal=settings.causal)
+            x = x * channel.scale + channel.offset
         elif channel.mean_of:
             first, second = (series[source] for source in channel.mean_of)
-            t, x = _mean(first, second, settings.gap_periods)
+            t, x = _mean(first, second, filters.longest_step_ns(second[0], settings))
             x = x * channel.scale + channel.offset
         else:
             t, x = _pick(name, channel, placed[channel.topic or "table"], losses)
@@ -66,7 +66,7 @@ def derive(
                         t,
                         x,
                         settings.derivative_cutoff_hz,
-                        settings.gap_periods,
+                        filters.longest_step_ns(t, settings),
                         causal=settings.causal,
                     )
         if t.size == 0:
@@ -123,11 +123,11 @@ def _pick(
 def _mean(
     a: tuple[filters.Ints, filters.Floats],
     b: tuple[filters.Ints, filters.Floats],
-    gap_periods: float,
+    longest_ns: float,
 ) -> tuple[filters.Ints, filters.Floats]:
     """The mean of two channels at the stamps of the first, the second held while it is fresh."""
     if np.array_equal(a[0], b[0]):
         return a[0], (a[1] + b[1]) / 2.0
     at = np.searchsorted(b[0], a[0], side="right") - 1
-    known = (at >= 0) & (a[0] - b[0][at] <= gap_periods * filters.period_ns(b[0]))
+    known = (at >= 0) & (a[0] - b[0][at] <= longest_ns)
     return a[0][known], (a[1][known] + b[1][at[known]]) / 2.0

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
+from analysis.settings import Settings
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -19,6 +21,14 @@ def period_ns(t_ns: Ints) -> float:
     return float(np.median(np.diff(t_ns))) if t_ns.size > 1 else float("nan")
 
 
+def longest_step_ns(t_ns: Ints, settings: Settings) -> float:
+    """The longest step that is no gap: `gap_periods` of the topic's period, or of the grid's.
+
+    Log times come in bursts, so the topic's period alone would see gaps in every pause between.
+    """
+    return settings.gap_periods * float(np.fmax(period_ns(t_ns), 1e9 / settings.rate_hz))
+
+
 def stretches(t_ns: Ints, longest_ns: float) -> list[slice]:
     """Slices between steps longer than `longest_ns`."""
     edges = np.flatnonzero(np.diff(t_ns) > longest_ns) + 1
@@ -26,7 +36,7 @@ def stretches(t_ns: Ints, longest_ns: float) -> list[slice]:
 
 
 def low_pass(
-    t_ns: Ints, x: Floats, cutoff_hz: float, gap_periods: float, *, causal: bool
+    t_ns: Ints, x: Floats, cutoff_hz: float, longest_ns: float, *, causal: bool
 ) -> tuple[Ints, Floats]:
     """Butterworth low-pass of fourth order, forwards and backwards unless `causal`.
 
@@ -37,7 +47,7 @@ def low_pass(
         t_ns: (n,) ascending stamps.
         x: (n,) samples.
         cutoff_hz: half-power frequency of one pass, below half the rate.
-        gap_periods: a step longer than this many periods separates stretches.
+        longest_ns: a longer step separates stretches.
         causal: filter forwards only.
 
     Returns:
@@ -48,7 +58,7 @@ def low_pass(
     settle = 3 * (2 * sos.shape[0] + 1)
     times: list[Ints] = []
     outputs: list[Floats] = []
-    for part in stretches(t_ns, gap_periods * period):
+    for part in stretches(t_ns, longest_ns):
         t, y = _uniform(t_ns[part], x[part], period, causal=causal)
         if t.size <= settle:
             continue
@@ -64,11 +74,11 @@ def low_pass(
     return np.concatenate(times), np.concatenate(outputs)
 
 
-def derivative(t_ns: Ints, x: Floats, gap_periods: float, *, causal: bool) -> tuple[Ints, Floats]:
-    """Differentiate: central differences, or backward ones when `causal`."""
+def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
+    """Differentiate between steps longer than `longest_ns`: central, or backward when `causal`."""
     times: list[Ints] = []
     rates: list[Floats] = []
-    for part in stretches(t_ns, gap_periods * period_ns(t_ns)):
+    for part in stretches(t_ns, longest_ns):
         t, y = t_ns[part], x[part]
         if t.size < 3:
             continue

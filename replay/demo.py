@@ -18,9 +18,9 @@ from analysis.simulation import Scenario
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.output import check_output, whole_file
-from replay.machine import load_machine, machine_path
+from replay.machine import load_machine, machine_path, time_axis
 from replay.pipeline import run
-from replay.readers import TimeAxis, open_log
+from replay.readers import open_log
 from replay.simulate import simulate
 from replay.write_log import truth_path
 
@@ -92,10 +92,8 @@ def replay_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
     """Replay simulated logs in one time line and calibrate by their truth: a run with (19)."""
-    section = machine.log
-    time = TimeAxis(section.time, section.time_unit) if section.time else None
     with ExitStack() as stack:
-        opened = [stack.enter_context(open_log(path, time=time)) for path in logs]
+        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
     calibration = calibrate(run_estimates(replayed, _true_runs(logs)))
     return replace(replayed, frames={**replayed.frames, "calibration": calibration})

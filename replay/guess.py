@@ -50,12 +50,13 @@ class Guess:
     field: str
 
 
-def machine_file(log: Log, time: str | None) -> tuple[str, list[str]]:
+def machine_file(log: Log, time: str | None, time_unit: str) -> tuple[str, list[str]]:
     """Write a machine file for a log.
 
     Args:
         log: an opened log.
         time: the time column of a table, where it was given.
+        time_unit: its unit.
 
     Returns:
         The file's text, and what it still lacks before `run` can use it, a sentence each.
@@ -69,6 +70,8 @@ def machine_file(log: Log, time: str | None) -> tuple[str, list[str]]:
     lacking = _lacking(found, kinematic=kinematic)
     lines = [
         f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
+        '# A field in another unit than its comment says needs one: unit = "km/h". Wheel speeds in',
+        "# rad/s need the wheel radius: scale = 0.42.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
@@ -81,16 +84,18 @@ def machine_file(log: Log, time: str | None) -> tuple[str, list[str]]:
         "",
     ]
     if "table" in set(topics["topic"]) and time is not None:
-        lines += ["[log]", f"time = {_quoted(time)}", ""]
+        lines += [
+            "[log]",
+            f"time = {_quoted(time)}",
+            f"time_unit = {_quoted(time_unit)}",
+            "",
+        ]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
             lines.append(f"topic = {_quoted(guess.topic)}")
-        lines += [
-            f"field = {_quoted(guess.field)}",
-            f"# in {_COLUMNS[guess.column].unit}; else unit =",
-            "",
-        ]
+        # a field in another unit wants `unit` or `scale`, so say which one it is taken for
+        lines += [f"field = {_quoted(guess.field)}  # in {_COLUMNS[guess.column].unit}", ""]
     for column, formula in derived.items():
         lines += [f"[channels.{column}]", f'derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]

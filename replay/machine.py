@@ -9,6 +9,7 @@ from analysis.machine import Machine
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.units import to_si
 from estimators.errors import MachineError
+from replay.readers.protocol import TimeAxis
 from replay.toml_file import read_toml, validate
 
 _SHIPPED = Path(__file__).parent / "machines"
@@ -38,6 +39,12 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         except MachineError as error:
             raise MachineError(f"{path}: channels.{name}: {error}") from error
     return machine
+
+
+def time_axis(machine: Machine) -> TimeAxis | None:
+    """Where the machine file says that tables keep their time."""
+    section = machine.log
+    return TimeAxis(section.time, section.time_unit) if section.time else None
 
 
 def machine_path(path: Path) -> Path:

@@ -13,9 +13,9 @@ from recordings import write_recording
 from recordings.output import check_output
 from replay.commands.printing import console, plain_table, print_json
 from replay.commands.progress import Stages
-from replay.machine import load_machine
+from replay.machine import load_machine, time_axis
 from replay.pipeline import run
-from replay.readers import TimeAxis, open_log
+from replay.readers import open_log
 
 
 def replay_logs(
@@ -36,10 +36,8 @@ def replay_logs(
     machine = load_machine(machine_file, overrides)
     if output is not None:
         check_output(output, force=force)
-    section = machine.log
-    time = TimeAxis(section.time, section.time_unit) if section.time else None
     with ExitStack() as stack, Stages(timing=timing) as stages:
-        opened = [stack.enter_context(open_log(path, time=time)) for path in logs]
+        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         result = run(opened, machine, stages.begin)
         if strict and result.provenance.losses:
             first = result.provenance.losses[0]

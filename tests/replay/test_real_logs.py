@@ -8,7 +8,8 @@ import pytest
 
 from analysis.answer import answer
 from analysis.run import Run
-from replay import TimeAxis, load_machine, open_log, run
+from replay import load_machine, open_log, run
+from replay.machine import time_axis
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 REFERENCE_KG = 95.11
@@ -17,8 +18,7 @@ REFERENCE_N_S_M = 203.5
 
 def replay(log: Path, machine_file: str, overrides: Sequence[str] = ()) -> Run:
     machine = load_machine(EXAMPLES / machine_file, overrides)
-    time = TimeAxis(machine.log.time, machine.log.time_unit) if machine.log.time else None
-    with open_log(log, time=time) as opened:
+    with open_log(log, time=time_axis(machine)) as opened:
         return run(opened, machine)
 
 
