@@ -57,7 +57,8 @@ def show_stage(
         if output_format == "table":
             _print_table(_readable(recording, stage, frame))
         elif output_format == "csv":
-            frame.write_csv(sys.stdout.buffer)
+            # polars says of a closed pipe only that some writing failed
+            sys.stdout.write(frame.write_csv())
         else:
             typer.echo(json_text(frame.to_dicts()))
         return
