@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from analysis.schema import values
 from analysis.settings import Settings
+from estimators import planar
 
 Floats = NDArray[np.float64]
 
@@ -23,10 +24,10 @@ def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floa
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
     accelerometer's 9.81 m/s² in a_z.
     """
-    names = ["regressor_acc_x_m_s2", "speed_x_m_s"]
-    if settings.coulomb:
-        names.append("direction_x_1")
-    A = np.column_stack([values(excitation, name) for name in names])
+    direction = values(excitation, "direction_x_1") if settings.coulomb else None
+    A = planar.straight(
+        values(excitation, "regressor_acc_x_m_s2"), values(excitation, "speed_x_m_s"), direction
+    )
     return np.ascontiguousarray(A), values(excitation, "force_x_N")
 
 

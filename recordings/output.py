@@ -2,7 +2,7 @@
 
 import shutil
 import tempfile
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -47,6 +47,16 @@ def check_output(target: Path, *, force: bool) -> None:
     """
     _refuse_folder(target)
     _stage([target], force=force).rmdir()
+
+
+def keep_apart(target: Path, inputs: Iterable[Path]) -> None:
+    """Refuse, also with `--force`, to write over what is being read.
+
+    Raises:
+        OutputError: the target is one of the inputs.
+    """
+    if target.exists() and any(target.samefile(each) for each in inputs):
+        raise OutputError(f"{target}: is the input itself; name another output")
 
 
 def _refuse_folder(target: Path) -> None:

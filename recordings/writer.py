@@ -11,7 +11,7 @@ from analysis.run import Run
 from estimators.errors import OutputError, RecordingError
 from recordings.blueprint import blueprint, text_entity
 from recordings.display import display_frames
-from recordings.output import whole_file
+from recordings.output import check_output, whole_file
 from recordings.reader import FORMAT, PROPERTY, read_frame, read_provenance
 from recordings.stored import Manifest, StoredFrame
 from recordings.table import ROW, SINCE_START, TIME
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _ROWS_A_CHUNK: Final = 16_384
 _CHUNKS_A_FLUSH: Final = 10
 APPLICATION: Final = "payscope"
+SUFFIX: Final = ".rrd"
 
 
 def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
@@ -39,14 +40,26 @@ def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
         The path of the recording.
 
     Raises:
-        OutputError: the file exists, its folder is missing or refuses the file, a column cannot be
-            stored, or what was read back differs.
+        OutputError: it does not end in .rrd, the file exists, its folder is missing or refuses the
+            file, a column cannot be stored, or what was read back differs.
     """
     path = Path(path)
+    check_recording(path, force=force)
     with whole_file(path, force=force) as partial:
         _write(run, partial)
         _verify(run, partial, path)
     return path
+
+
+def check_recording(path: Path, *, force: bool) -> None:
+    """Refuse the name of a recording before the work that it is for.
+
+    Raises:
+        OutputError: as `write_recording`.
+    """
+    if path.suffix != SUFFIX:
+        raise OutputError(f"{path}: a recording ends in {SUFFIX}, or no viewer opens it")
+    check_output(path, force=force)
 
 
 def _write(run: Run, partial: Path) -> None:

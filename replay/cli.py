@@ -5,7 +5,9 @@ says which file, what is wrong and what to do.
 """
 
 import os
+import signal
 import sys
+from types import FrameType
 
 import typer
 
@@ -37,6 +39,8 @@ def _version(
 
 def main() -> None:
     """Run the command line and leave with its exit status."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _leave)
     try:
         status = app(standalone_mode=False)
         sys.stdout.flush()
@@ -47,10 +51,28 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         status = 130
     except BrokenPipeError:
-        # whoever read our output has closed it (`| head`): leave quietly
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_stdout()
         status = 0
+    except SystemExit as leaving:
+        # typer and rich leave with 1 when whoever read our output has closed it (`| head`)
+        if not isinstance(leaving.__context__, BrokenPipeError):
+            raise
+        _close_stdout()
+        status = 0
+    except OSError as error:
+        _close_stdout()
+        status = _fail(f"{error.filename or 'stdout'}: {error.strerror or error}")
     sys.exit(status or 0)
+
+
+def _leave(number: int, _frame: FrameType | None) -> None:
+    """Told to end: by an exception, so that whatever is half written is removed on the way out."""
+    raise SystemExit(128 + number)
+
+
+def _close_stdout() -> None:
+    """What is still buffered goes nowhere, so that its flush at the end cannot fail again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(line: str) -> int:

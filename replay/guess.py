@@ -7,11 +7,12 @@ that is numeric is listed as a comment to choose from.
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import polars as pl
 
 from analysis.schema import CHANNEL_COLUMNS
-from replay.readers.protocol import Log
+from replay.readers.protocol import Log, TimeAxis
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
@@ -50,13 +51,12 @@ class Guess:
     field: str
 
 
-def machine_file(log: Log, time: str | None, time_unit: str) -> tuple[str, list[str]]:
+def machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
     """Write a machine file for a log.
 
     Args:
         log: an opened log.
         time: the time column of a table, where it was given.
-        time_unit: its unit.
 
     Returns:
         The file's text, and what it still lacks before `run` can use it, a sentence each.
@@ -70,8 +70,6 @@ def machine_file(log: Log, time: str | None, time_unit: str) -> tuple[str, list[
     lacking = _lacking(found, kinematic=kinematic)
     lines = [
         f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
-        '# A field in another unit than its comment says needs one: unit = "km/h". Wheel speeds in',
-        "# rad/s need the wheel radius: scale = 0.42.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
         "",
         "[machine]",
@@ -84,24 +82,26 @@ def machine_file(log: Log, time: str | None, time_unit: str) -> tuple[str, list[
         "",
     ]
     if "table" in set(topics["topic"]) and time is not None:
-        lines += [
-            "[log]",
-            f"time = {_quoted(time)}",
-            f"time_unit = {_quoted(time_unit)}",
-            "",
-        ]
+        lines += ["[log]", f"time = {_quoted(time.column)}", f'time_unit = "{time.unit}"', ""]
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
             lines.append(f"topic = {_quoted(guess.topic)}")
+        unit = _COLUMNS[guess.column].unit
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
-        lines += [f"field = {_quoted(guess.field)}  # in {_COLUMNS[guess.column].unit}", ""]
+        lines += [f"field = {_quoted(guess.field)}  # in {unit}{_or_scale(guess)}", ""]
     for column, formula in derived.items():
         lines += [f"[channels.{column}]", f'derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
     lines += ["", *_others(topics, guesses), "", "[settings]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
+
+
+def _or_scale(guess: Guess) -> str:
+    """A JointState's velocity is that of a wheel more often than that of the machine."""
+    is_speed = guess.field.startswith("velocity[")
+    return "; where it is in rad/s, scale = the wheel radius" if is_speed else ""
 
 
 def _guesses(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
@@ -131,17 +131,30 @@ def _candidates(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
 
 
 def _joints(log: Log, topic: str, start_ns: int) -> Iterator[Guess]:
-    """A side's effort is its torque and its velocity its speed; one joint alone is an axis."""
-    first = log.read(topic, [f"name[{i}]" for i in range(8)], end_ns=start_ns).head(1)
-    names = [x for x in first.select(pl.exclude("log_time_ns", "header_stamp_ns")).row(0) if x]
+    """A side's effort is its torque and its velocity its speed; one joint alone is an axis.
+
+    Which of its arrays a JointState fills is up to who sends it; the first message tells.
+    """
+    names = [
+        name for name in _first(log, topic, [f"name[{i}]" for i in range(8)], start_ns) if name
+    ]
+    guesses: list[Guess] = []
     for side in ("left", "right"):
         of_side = [name for name in names if side in name.lower()]
         if len(of_side) == 1:
-            yield Guess(f"torque_{side}_N_m", topic, f"effort[{of_side[0]}]")
-            yield Guess(f"speed_{side}_m_s", topic, f"velocity[{of_side[0]}]")
+            guesses.append(Guess(f"torque_{side}_N_m", topic, f"effort[{of_side[0]}]"))
+            guesses.append(Guess(f"speed_{side}_m_s", topic, f"velocity[{of_side[0]}]"))
     if len(names) == 1:
-        yield Guess("position_x_m", topic, f"position[{names[0]}]")
-        yield Guess("force_x_N", topic, f"effort[{names[0]}]")
+        guesses.append(Guess("position_x_m", topic, f"position[{names[0]}]"))
+        guesses.append(Guess("force_x_N", topic, f"effort[{names[0]}]"))
+    sent = _first(log, topic, [guess.field for guess in guesses], start_ns)
+    yield from (guess for guess, value in zip(guesses, sent, strict=False) if value is not None)
+
+
+def _first(log: Log, topic: str, fields: list[str], start_ns: int) -> tuple[Any, ...]:
+    """Fields of a topic's first message, in this order; nothing where it cannot be read."""
+    first = log.read(topic, fields, end_ns=start_ns).head(1)
+    return first.select(fields).row(0) if first.height else ()
 
 
 def _derivations(found: set[str]) -> dict[str, str]:

@@ -14,12 +14,14 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Write a first machine file from what a log holds, to be checked and completed by hand."""
-    from recordings.output import whole_file
+    from recordings.output import keep_apart, whole_file
     from replay.guess import machine_file
     from replay.readers import TimeAxis, open_log
 
-    with open_log(log, time=TimeAxis(time, time_unit) if time else None) as opened:
-        text, lacking = machine_file(opened, time, time_unit)
+    axis = TimeAxis(time, time_unit) if time else None
+    with open_log(log, time=axis) as opened:
+        keep_apart(output, opened.files)
+        text, lacking = machine_file(opened, axis)
     with whole_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:

@@ -9,8 +9,7 @@ from rich.table import Table
 
 from analysis.answer import answer
 from estimators.errors import LogError
-from recordings import write_recording
-from recordings.output import check_output
+from recordings import check_recording, write_recording
 from replay.commands.printing import console, plain_table, print_json
 from replay.commands.progress import Stages
 from replay.machine import load_machine, time_axis
@@ -35,7 +34,7 @@ def replay_logs(
     """
     machine = load_machine(machine_file, overrides)
     if output is not None:
-        check_output(output, force=force)
+        check_recording(output, force=force)
     with ExitStack() as stack, Stages(timing=timing) as stages:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         result = run(opened, machine, stages.begin)

@@ -25,7 +25,10 @@ def command(
         float | None, typer.Option("--from", help="First second, from the start of the run.")
     ] = None,
     end_s: Annotated[float | None, typer.Option("--to", help="Last second.")] = None,
-    output_format: Annotated[Format, typer.Option("--format", help="How to print.")] = Format.table,
+    output_format: Annotated[
+        Format | None,
+        typer.Option("--format", help="A table, or what -o ends in, unless given."),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write to a file instead.")
     ] = None,
@@ -34,7 +37,12 @@ def command(
     """Print a stage of a recording; without a stage, list what it holds."""
     from replay.commands.showing import list_stages, show_stage
 
-    if stage is None:
-        list_stages(recording, output_format.value)
+    if stage is not None:
+        wanted = output_format and output_format.value
+        show_stage(recording, stage, start_s, end_s, wanted, output, force=force)
+    elif (start_s, end_s, output) != (None, None, None):
+        raise typer.BadParameter("--from, --to and -o are for a stage; name one")
+    elif output_format not in (None, Format.table, Format.json):
+        raise typer.BadParameter("stages are listed as table or json; name one to print it")
     else:
-        show_stage(recording, stage, start_s, end_s, output_format.value, output, force=force)
+        list_stages(recording, as_json=output_format is Format.json)

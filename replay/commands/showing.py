@@ -6,28 +6,34 @@ from pathlib import Path
 
 import polars as pl
 import typer
+from rich.markup import escape
 
 from analysis.schema import FRAMES, Frame
 from estimators.errors import OutputError, RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
-from recordings.output import whole_file
+from recordings.output import check_output, keep_apart, whole_file
 from replay.commands.printing import console, json_text, plain_table
 from replay.info import FIRST_DATE_NS
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN = 40
+#: Characters of a line of a table.
+_NO_LIMIT = 10_000
+#: What `-o` may end in.
+_WRITTEN = ("csv", "json", "parquet")
 
 
-def list_stages(recording: Path, output_format: str) -> None:
-    """Print the recording's stages with their rows and columns."""
+def list_stages(recording: Path, *, as_json: bool) -> None:
+    """Print the recording's stages with their columns."""
     held = stages(recording)
-    if output_format == "json":
+    if as_json:
         typer.echo(json_text(held))
         return
     table = plain_table("stage")
     table.add_column("columns", overflow="fold")
     for name, columns in held.items():
-        table.add_row(name, " ".join(columns))
+        # effort[left] is no markup
+        table.add_row(escape(name), escape(" ".join(columns)))
     console().print(table)
 
 
@@ -36,17 +42,32 @@ def show_stage(
     stage: str,
     start_s: float | None,
     end_s: float | None,
-    output_format: str,
+    output_format: str | None,
     output: Path | None,
     *,
     force: bool,
 ) -> None:
     """Print one stage, or write it to `output`.
 
+    Args:
+        recording: the recording.
+        stage: the stage's name.
+        start_s: first second of the run.
+        end_s: last second of the run.
+        output_format: table, csv, json or parquet; None for what the suffix of `output` says, or
+            a table on the screen.
+        output: a file to write.
+        force: whether to replace it.
+
     Raises:
         RecordingError: the recording has no such stage.
         OutputError: Parquet to a screen, or an output that cannot be written.
     """
+    if output_format is None:
+        output_format = "table" if output is None else _format_of(output)
+    if output is not None:
+        keep_apart(output, [recording])
+        check_output(output, force=force)
     held = stages(recording)
     if stage not in held:
         raise RecordingError(f"{recording}: no stage '{stage}'; {nearest(stage, held)}")
@@ -57,7 +78,8 @@ def show_stage(
         if output_format == "table":
             _print_table(_readable(recording, stage, frame))
         elif output_format == "csv":
-            frame.write_csv(sys.stdout.buffer)
+            # polars says of a closed pipe only that some writing failed
+            sys.stdout.write(frame.write_csv())
         else:
             typer.echo(json_text(frame.to_dicts()))
         return
@@ -67,8 +89,20 @@ def show_stage(
                 frame.write_parquet(partial)
             case "json":
                 partial.write_text(json_text(frame.to_dicts()) + "\n", encoding="utf-8")
-            case _:
+            case "csv":
                 frame.write_csv(partial)
+            case _:
+                partial.write_text(_table(_readable(recording, stage, frame), frame.height))
+
+
+def _format_of(output: Path) -> str:
+    suffix = output.suffix.removeprefix(".")
+    if suffix not in _WRITTEN:
+        raise OutputError(
+            f"{output}: no format '{output.suffix}'; use {', '.join(f'.{x}' for x in _WRITTEN)}, "
+            "or say --format"
+        )
+    return suffix
 
 
 def _between(
@@ -118,23 +152,26 @@ def _readable(recording: Path, stage: str, frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def _print_table(frame: pl.DataFrame) -> None:
-    screen = console()
-    text = io.StringIO()
-    with pl.Config(
-        tbl_rows=_ROWS_SHOWN,
-        tbl_cols=-1,
-        # whoever pipes it has no width to keep to
-        tbl_width_chars=screen.width if screen.is_terminal else 1000,
-        fmt_str_lengths=80,
-        tbl_hide_column_data_types=True,
-        tbl_formatting="NOTHING",
-        tbl_hide_dataframe_shape=True,
-    ):
-        print(frame, file=text)
-    typer.echo(text.getvalue(), nl=False)
+    typer.echo(_table(frame, _ROWS_SHOWN), nl=False)
     if frame.height > _ROWS_SHOWN:
         typer.echo(
             f"{frame.height} rows, {_ROWS_SHOWN} shown; --from and --to choose, "
             "--format csv gives all",
             err=True,
         )
+
+
+def _table(frame: pl.DataFrame, rows: int) -> str:
+    """A frame as text, with lines as long as they must be: broken cells cannot be read."""
+    text = io.StringIO()
+    with pl.Config(
+        tbl_rows=rows,
+        tbl_cols=-1,
+        tbl_width_chars=_NO_LIMIT,
+        fmt_str_lengths=80,
+        tbl_hide_column_data_types=True,
+        tbl_formatting="NOTHING",
+        tbl_hide_dataframe_shape=True,
+    ):
+        print(frame, file=text)
+    return text.getvalue()

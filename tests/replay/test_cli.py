@@ -305,6 +305,24 @@ class TestOutputs:
         )
         one_line(Said(left.returncode, left.stdout, left.stderr), "locked", "Permission denied")
 
+    def test_a_recording_ends_in_rrd_so_that_no_log_is_lost_to_force(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        before = log.read_bytes(), machine_file.read_bytes()
+        for out in (log, machine_file):
+            said = payscope("run", log, "-m", machine_file, "-o", out, "--force")
+            one_line(said, out.name, ".rrd")
+        assert (log.read_bytes(), machine_file.read_bytes()) == before
+
+    def test_a_log_is_not_overwritten_by_its_machine_file(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        before = log.read_bytes()
+        (tmp_path / "link.toml").symlink_to(log)
+        for out in (log, tmp_path / "link.toml"):
+            one_line(payscope("init", log, "-o", out, "--force"), out.name, "the input itself")
+        assert log.read_bytes() == before
+
 
 class TestShow:
     @pytest.fixture
@@ -329,6 +347,41 @@ class TestShow:
             )
             assert said.status == 0
             assert pl.read_parquet(parquet).equals(frame)
+
+    def test_the_suffix_of_the_output_says_the_format(
+        self, payscope: Payscope, recording: Path, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "masses.parquet"
+        assert payscope("show", recording, "masses", "-o", out).status == 0
+        assert pl.read_parquet(out).equals(read_recording(recording).frames["masses"])
+        one_line(payscope("show", recording, "masses", "-o", tmp_path / "masses.txt"), ".parquet")
+
+    def test_a_stage_is_not_written_over_its_recording(
+        self, payscope: Payscope, recording: Path
+    ) -> None:
+        said = payscope("show", recording, "gate", "--format", "csv", "-o", recording, "--force")
+        one_line(said, "out.rrd", "the input itself")
+        assert read_recording(recording).frames
+
+    def test_what_only_a_stage_can_do_needs_one(self, payscope: Payscope, recording: Path) -> None:
+        for words in (["--from", 1], ["-o", recording.with_name("a.csv")], ["--format", "csv"]):
+            one_line(payscope("show", recording, *words), "name one")
+
+    def test_a_joints_name_in_a_column_is_no_markup(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        table, out = tmp_path / "joints.csv", tmp_path / "joints.rrd"
+        sledge().rename({"force_N": "effort[left]"}).write_csv(table)
+        words = ["--set", "channels.force_x_N.field=effort[left]"]
+        assert payscope("run", table, "-m", machine_file, "-o", out, *words).status == 0
+        assert "effort[left]" in payscope("show", out).out
+
+    def test_a_wide_stage_is_not_broken_into_letters_on_a_narrow_screen(
+        self, payscope: Payscope, recording: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("COLUMNS", "60")
+        monkeypatch.setenv("FORCE_COLOR", "1")
+        assert "samples_accepted" in payscope("show", recording, "segments").out
 
     def test_cuts_by_seconds_from_the_start(self, payscope: Payscope, recording: Path) -> None:
         said = payscope("show", recording, "gate", "--from", 5, "--to", 6, "--format", "json")
@@ -394,7 +447,48 @@ class TestInit:
         channels = tomllib.loads(made.read_text())["channels"]
         assert channels["torque_left_N_m"]["topic"] == '/wheels\\"'
         assert channels["torque_left_N_m"]["field"] == 'effort[left "front"]'
-        assert channels["speed_right_m_s"]["field"] == "velocity[right\\front]"
+        assert channels["torque_right_N_m"]["field"] == "effort[right\\front]"
+
+    def test_only_the_arrays_that_a_joint_state_fills_are_guessed(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        log, made = tmp_path / "split.mcap", tmp_path / "made.toml"
+        efforts = {"left": 1.0, "right": 2.0}
+        write_mcap(log, [Joints(k, efforts, "/torque") for k in range(1, 4)])
+        assert payscope("init", log, "-o", made).status == 0
+        channels = tomllib.loads(made.read_text())["channels"]
+        assert channels.keys() == {"torque_left_N_m", "torque_right_N_m"}
+
+    def test_the_simulated_machine_runs_from_its_first_machine_file_and_what_only_a_person_knows(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        scenario, made = tmp_path / "one.toml", tmp_path / "made.toml"
+        scenario.write_text("[campaign]\nloads_kg = [0]\nruns = 2\n")
+        log = tmp_path / "one.bag"
+        assert payscope("simulate", scenario, "-o", log).status == 0
+        said = payscope("init", log, "-o", made)
+        assert said.err == (
+            "still missing: machine.wheel_radius_m, which turns wheel torques into a force\n"
+        )
+        known = {
+            "machine.wheel_radius_m": 0.42,
+            "machine.force_share": 0.5,
+            "channels.speed_left_m_s.scale": 0.42,
+            "channels.speed_right_m_s.scale": 0.42,
+        }
+        words = [word for key, value in known.items() for word in ("--set", f"{key}={value}")]
+        answer = json.loads(payscope("run", log, "-m", made, "--json", *words).out)
+        assert answer["mass_kg"]["pooled"] == pytest.approx(3614.0, rel=0.01)
+
+    def test_the_unit_of_a_tables_time_goes_into_the_machine_file(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        table, made = tmp_path / "ms.csv", tmp_path / "made.toml"
+        stamp = (pl.col("time_s") * 1000 + 1.7e12).cast(pl.Int64).alias("stamp")
+        sledge().select(stamp, pl.exclude("time_s")).write_csv(table)
+        said = payscope("init", table, "-o", made, "--time", "stamp", "--time-unit", "ms")
+        assert said.status == 0
+        assert tomllib.loads(made.read_text())["log"] == {"time": "stamp", "time_unit": "ms"}
 
     def test_what_is_missing_is_said(
         self, payscope: Payscope, shared_data: Path, tmp_path: Path

@@ -1,0 +1,65 @@
+"""How the command line leaves: a closed pipe, a full disk, a signal to end."""
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.replay.sledge import Payscope
+
+SCRIPT = Path(sys.executable).with_name("payscope")
+
+
+@pytest.fixture
+def recording(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) -> Path:
+    out = tmp_path / "out.rrd"
+    assert payscope("run", log, "-m", machine_file, "-o", out).status == 0
+    return out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [[], ["gate"], ["gate", "--format", "csv"], ["gate", "--format", "json"]],
+    ids=lambda words: " ".join(words) or "stages",
+)
+def test_a_reader_that_closes_the_pipe_is_no_fault(recording: Path, words: list[str]) -> None:
+    with subprocess.Popen(
+        [SCRIPT, "show", recording, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as shown:
+        assert shown.stdout is not None
+        assert shown.stderr is not None
+        shown.stdout.close()
+        assert b"Traceback" not in shown.stderr.read()
+    assert shown.returncode == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("words", [["gate", "--format", "csv"], ["masses"], []])
+def test_a_full_disk_behind_stdout_is_one_line(recording: Path, words: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        left = subprocess.run(
+            [SCRIPT, "show", recording, *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert left.returncode == 2
+    assert left.stderr == "payscope: stdout: No space left on device\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
+    folder = tmp_path / "demo"
+    with subprocess.Popen([SCRIPT, "demo", "-o", folder], stderr=subprocess.PIPE) as demo:
+        until = time.monotonic() + 60
+        while not list(folder.glob(".payscope-*")) and time.monotonic() < until:
+            time.sleep(0.01)
+        demo.send_signal(number)
+        assert demo.stderr is not None
+        assert demo.stderr.read() == b""
+    assert demo.returncode == 128 + number
+    assert not list(folder.glob(".payscope-*"))
