@@ -27,6 +27,10 @@ class Loss(BaseModel):
     topic: str = ""
     what: str
 
+    def __str__(self) -> str:
+        """The sentence, after where it happened."""
+        return f"{' '.join(filter(None, (self.source, self.topic)))}: {self.what}"
+
 
 class Provenance(BaseModel):
     """Where the frames came from: enough to run the replay again and to doubt it."""

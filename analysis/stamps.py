@@ -1,12 +1,15 @@
 """Which stamp places a sample in time: the header's where there is any, else the log's."""
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 import polars as pl
 
 from analysis.run import Loss
 
+#: Clocks that start at boot count from 0: what lies before 1990 is no date.
+FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
 #: A header stamp may not fall back by more than this, nor may two topics' stamps lie further apart
 #: when they are compared by log time: then it is another clock.
 _CLOCK_JUMP_NS = 1_000_000_000

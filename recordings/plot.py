@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 from warnings import catch_warnings, filterwarnings
 
@@ -34,6 +35,8 @@ _NS: Final = 1e9
 _WIDTH_IN: Final = 10.0
 _PANEL_IN: Final = 1.5
 _LINE_IN: Final = 0.15
+#: What fits on a line of the answer.
+_CHARACTERS: Final = 140
 #: More points than this are drawn as an envelope, more shaded spans not at all.
 _POINTS: Final = 4000
 _SPANS: Final = 400
@@ -62,7 +65,7 @@ def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
     if path.suffix.lower() not in SUFFIXES:
         raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
     check_output(path, force=force)
-    lines = summary(run).splitlines()
+    lines = [part for line in summary(run).splitlines() for part in wrap(line, _CHARACTERS) or [""]]
     shown = display_frames(run)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_of(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())

@@ -10,6 +10,7 @@ from zoneinfo import ZoneInfo
 import polars as pl
 
 from analysis.run import Provenance, Run
+from analysis.stamps import FIRST_DATE_NS
 from recordings.display import span_ns
 
 _NS: Final = 10**9
@@ -45,9 +46,12 @@ def machine_name(about: Provenance) -> str:
 
 
 def local_time(about: Provenance, t_ns: int = 0) -> str:
-    """A time since the start as the people at the machine read it."""
+    """A time since the start as the people at the machine read it; no date where there is none."""
+    stamp_ns = about.t0_unix_ns + t_ns
+    if stamp_ns < FIRST_DATE_NS:
+        return f"{stamp_ns / _NS:.3f} s of the log's own clock"
     zone = ZoneInfo(str(_body(about).get("timezone", "UTC")))
-    utc = datetime.fromtimestamp((about.t0_unix_ns + t_ns) // _NS, UTC)
+    utc = datetime.fromtimestamp(stamp_ns // _NS, UTC)
     return f"{utc.astimezone(zone):%Y-%m-%d %H:%M:%S} {zone.key}"
 
 
@@ -137,7 +141,7 @@ def answer(run: Run) -> str:
         )
     parts += _masses(run) + _verdict(run) + _accepted(run)
     parts += [f"- {note}" for note in about.notes]
-    parts += [f"- lost: {each.source} {each.topic}: {each.what}" for each in about.losses]
+    parts += [f"- lost: {each}" for each in about.losses]
     return "\n\n".join(parts)
 
 

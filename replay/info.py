@@ -5,19 +5,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, tzinfo
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
 from analysis.run import Loss
+from analysis.stamps import FIRST_DATE_NS
 from replay.readers import Log, format_name
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
-
-#: Clocks that start at boot count from 0: what lies before 1990 is not shown as a date.
-FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,8 @@ def plain_table(*titles: str) -> Table:
     """A table without lines, its first column to the left and the others to the right."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(titles):
-        table.add_column(title, justify="right" if i else "left")
+        # what a row is about stays whole on a narrow screen
+        table.add_column(title, justify="right" if i else "left", no_wrap=not i)
     return table
 
 

@@ -8,7 +8,8 @@ from typing import Any
 from rich.table import Table
 
 from analysis.answer import answer
-from estimators.errors import LogError
+from analysis.run import Loss
+from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
 from replay.commands.printing import console, plain_table, print_json
 from replay.commands.progress import Stages
@@ -37,12 +38,16 @@ def replay_logs(
         check_recording(output, force=force)
     with ExitStack() as stack, Stages(timing=timing) as stages:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
-        result = run(opened, machine, stages.begin)
+        try:
+            result = run(opened, machine, stages.begin)
+        except DataError as error:
+            names = ", ".join(map(str, logs))
+            raise DataError(f"{names} with {machine_file}: {error}") from None
         if strict and result.provenance.losses:
             first = result.provenance.losses[0]
             raise LogError(
-                f"{first.source}: {first.topic + ': ' if first.topic else ''}{first.what} "
-                f"({len(result.provenance.losses)} losses in all; leave out --strict to accept)"
+                f"{first} ({len(result.provenance.losses)} losses in all; "
+                "leave out --strict to accept)"
             )
         if output is not None:
             stages.begin("record")
@@ -60,7 +65,7 @@ def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
     if weighs:
         screen.print(_masses(answer))
     for loss in answer["losses"]:
-        screen.print(f"lost: {loss['source']} {loss['topic']}: {loss['what']}", markup=False)
+        screen.print(f"lost: {Loss(**loss)}", markup=False)
     for note in answer["notes"]:
         screen.print(f"note: {note}", markup=False)
     failed = [check for check in answer["verdict"]["checks"] if check["passed"] is False]

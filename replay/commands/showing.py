@@ -9,11 +9,11 @@ import typer
 from rich.markup import escape
 
 from analysis.schema import FRAMES, Frame
+from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import OutputError, RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
 from recordings.output import check_output, keep_apart, whole_file
 from replay.commands.printing import console, json_text, plain_table
-from replay.info import FIRST_DATE_NS
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN = 40

@@ -87,6 +87,11 @@ class TableLog:
             self._losses.note(
                 self.path, f"{times.null_count()} of {times.len()} rows have no time: dropped"
             )
+        backwards = int((times.drop_nulls().diff() < 0).sum())
+        if backwards:
+            self._losses.note(
+                self.path, f"the time goes back at {backwards} rows: sorted by time", TOPIC
+            )
         return times.alias("log_time_ns")
 
     def _column(self, name: str) -> pl.Series:

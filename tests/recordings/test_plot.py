@@ -6,6 +6,7 @@ import polars as pl
 import pytest
 
 from analysis import Provenance, Run
+from analysis.run import InputFile
 from estimators.errors import OutputError
 from recordings import plot_run
 
@@ -36,6 +37,18 @@ def test_every_kind_of_run_can_be_drawn(drives, tmp_path: Path, options: dict):
 def test_an_empty_run_and_names_that_look_like_formulas_can_be_drawn(tmp_path: Path):
     about = Provenance(machine={"machine": {"name": "loader $x_{1 %s 装载机"}})
     plot_run(Run({"gate": pl.DataFrame(schema={"t_ns": pl.Int64})}, about), tmp_path / "page.png")
+
+
+def test_the_names_of_many_logs_stay_on_the_page(drives, tmp_path: Path):
+    run = drives(30.0)
+    logs = tuple(InputFile(name=f"shift_{n}.bag", sha256="0", size_bytes=1) for n in range(40))
+    about = run.provenance.model_copy(update={"inputs": logs})
+    few, many = (
+        plot_run(each, tmp_path / name).read_text()
+        for each, name in ((run, "few.svg"), (Run(run.frames, about), "many.svg"))
+    )
+    height_pt = [float(svg.split('height="')[1].split("pt")[0]) for svg in (few, many)]
+    assert height_pt[1] > height_pt[0]
 
 
 def test_an_existing_picture_is_replaced_only_when_forced(drives, tmp_path: Path):

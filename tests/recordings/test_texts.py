@@ -3,6 +3,7 @@
 import polars as pl
 
 from analysis import Run
+from analysis.run import Loss
 from recordings.texts import headline, number, plus_minus, recording_name, summary, texts
 
 
@@ -33,6 +34,18 @@ def test_every_check_is_listed_also_one_that_does_not_apply(drives):
 
 def test_a_person_reads_the_local_time_of_the_machine(drives):
     assert "2023-11-14 19:13:20 America/Santiago" in texts(drives(60.0))["answer"]
+
+
+def test_a_clock_that_counts_from_its_start_is_given_no_date(drives):
+    run = drives(60.0)
+    about = run.provenance.model_copy(update={"t0_unix_ns": 47_580_000_000})
+    written = texts(Run(run.frames, about))["answer"]
+    assert "47.580 s of the log's own clock" in written
+    assert "1970" not in written
+
+
+def test_a_loss_of_a_whole_file_has_no_topic():
+    assert str(Loss(source="shift.bag", what="breaks off")) == "shift.bag: breaks off"
 
 
 def test_losses_and_notes_stand_in_the_answer_and_inputs_with_their_hash_in_the_provenance(drives):

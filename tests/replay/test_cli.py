@@ -240,13 +240,16 @@ class TestWrongInput:
             for path in (log, shuffled)
         ]
         assert masses[0] == masses[1]
+        said = payscope("run", shuffled, "-m", machine_file)
+        assert "lost: shuffled.csv table: the time goes back at 1 rows: sorted by time" in said.out
 
     def test_text_where_a_number_should_be(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:
         words = tmp_path / "words.parquet"
         sledge().with_columns(pl.lit("fast").alias("force_N")).write_parquet(words)
-        one_line(payscope("run", words, "-m", machine_file), "force_x_N", "not a number")
+        said = payscope("run", words, "-m", machine_file)
+        one_line(said, "words.parquet with", "sledge.toml: force_x_N", "not a number")
 
     def test_channels_that_share_no_time(
         self, payscope: Payscope, log: Path, machine_file: Path
