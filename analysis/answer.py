@@ -65,7 +65,8 @@ def why_nothing_was_accepted(
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
                 f"the window {window_s:.2f} s"
             )
-    counts = gated["reason_x"].cast(pl.String).value_counts(sort=True)
+    reasons = gated["reason_x"].cast(pl.String)
+    counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
     return f"no window was accepted, most often for: {counts['reason_x'][0]}"
 
 

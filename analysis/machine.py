@@ -124,7 +124,7 @@ class Machine(BaseModel):
 
     machine: Body
     log: LogSection = LogSection()
-    channels: dict[str, Channel]
+    channels: dict[str, Channel] = {}
     settings: Settings = Settings.model_validate({})
 
     @model_validator(mode="after")

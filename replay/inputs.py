@@ -68,7 +68,8 @@ def read_channels(
         # a column of whole numbers in one table may have fractions in the next
         frame = pl.concat(parts.values(), how="vertical_relaxed")
         if frame.is_empty():
-            raise LogError(f"{holders[0].path}: topic '{topic}' has no messages")
+            why = [f": {loss.what}" for log in holders for loss in log.losses()]
+            raise LogError(f"{holders[0].path}: topic '{topic}' has no messages{''.join(why[:1])}")
         raw[topic] = frame.sort("log_time_ns", maintain_order=True)
     for log in logs:
         losses += log.losses()

@@ -10,6 +10,11 @@ from pydantic import BaseModel, ValidationError
 
 from estimators.errors import PayscopeError, nearest
 
+_IN_TOML = {
+    "tuple_type": "input should be a list",
+    "model_type": "input should be a table",
+    "dict_type": "input should be a table",
+}
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
@@ -59,7 +64,8 @@ def explain(fault: ValidationError, model: type[BaseModel]) -> str:
     elif kind == "missing":
         text = f"{key}: is missing"
     else:
-        message = first["msg"]
+        # what pydantic calls by Python's names
+        message = _IN_TOML.get(kind, first["msg"])
         text = f"{key}: {message[:1].lower()}{message[1:]}, not {reprlib.repr(first['input'])}"
     others = len(details) - 1
     # a quoted key may hold line breaks

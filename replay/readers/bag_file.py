@@ -27,8 +27,10 @@ class BagFile:
         try:
             self._reader.open()
         except (ReaderError, *BROKEN_BYTES) as error:
+            # rosbags ends its sentence in the bare tuple of an inner error
+            fault = str(error).partition(": (")[0]
             raise LogError(
-                f"{path}: the bag cannot be opened: {error}; 'rosbag reindex {path.name}' may help"
+                f"{path}: the bag cannot be opened: {fault}; 'rosbag reindex {path.name}' may help"
             ) from error
         self.connections: tuple[Connection, ...] = tuple(
             Connection(c.id, c.topic, c.msgtype, "ros1", c.msgdef.data, "ros1msg")

@@ -1,5 +1,6 @@
 """Tables as logs: `.csv` and `.parquet` with one topic, `table`, and a time column."""
 
+import re
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,8 @@ from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanose
 from replay.readers.topics import TOPICS_SCHEMA, timing
 
 TOPIC: Final = "table"
+#: Columns that an error names.
+_NAMED: Final = 20
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 
@@ -65,9 +68,13 @@ class TableLog:
                 f"{nearest(given.column, columns)}. Set [log] time in the machine file"
             )
         axis = given or guess_axis(columns)
+        if axis is None and len(columns) == 1 and re.search(r"[;\t]", columns[0]):
+            raise LogError(f"{self.path}: its cells are not separated by commas; convert it first")
         if axis is None:
+            more = f" and {len(columns) - _NAMED} more" if len(columns) > _NAMED else ""
+            named = ", ".join(map(repr, columns[:_NAMED]))
             raise LogError(
-                f"{self.path}: no time column among {', '.join(map(repr, columns))}; "
+                f"{self.path}: no time column among {named}{more}; "
                 'name it in the machine file: [log] time = "COLUMN", time_unit = "s"'
             )
         return axis

@@ -97,13 +97,27 @@ def test_a_withheld_mass_is_null_in_the_answer(replayed):
             "no window was accepted, most often for: standstill",
         ),
         (
+            ("standstill",),
+            (4.0,),
+            {},
+            "no window was accepted, most often for: standstill",
+        ),
+        (
             TRIP,
             (1.5, 5.0, 2.0, 1.5),
             {"force_x_N": lambda f: np.where(np.arange(f.size) % 200 < 10, np.nan, f)},
             "the longest stretch without a gap is 1.",
         ),
     ],
-    ids=["accepted", "short", "short of a mean", "braking", "standstill", "gaps"],
+    ids=[
+        "accepted",
+        "short",
+        "short of a mean",
+        "braking",
+        "standstill",
+        "mostly warming up",
+        "gaps",
+    ],
 )
 def test_the_obstacle_is_named(drive, excitation_of, machine, manoeuvres, seconds, changes, why):
     settings = machine().settings

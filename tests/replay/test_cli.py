@@ -176,6 +176,20 @@ class TestWrongInput:
     ) -> None:
         one_line(payscope("run", log, "-m", machine_file, "--set", "rate"), "key=value")
 
+    def test_a_value_of_another_kind_is_asked_for_in_the_words_of_toml(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        for override, wanted in (("methods=ls", "a list"), ("verdict=3", "a table")):
+            said = payscope("run", log, "-m", machine_file, "--set", f"settings.{override}")
+            one_line(said, f"input should be {wanted}, not")
+
+    def test_machine_file_without_channels_says_which_it_needs(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        (tmp_path / "m.toml").write_text('[machine]\nname = "bare"\n')
+        said = payscope("run", log, "-m", tmp_path / "m.toml")
+        one_line(said, "m.toml", "no force: give channels.force_x_N")
+
     def test_machine_file_that_is_no_toml(
         self, payscope: Payscope, log: Path, tmp_path: Path
     ) -> None:

@@ -4,10 +4,12 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from mcap.reader import make_reader
 
 from estimators.errors import LogError
 from replay import load_machine, open_log
 from replay.inputs import read_channels
+from tests.replay.readers.written_logs import Joints, write_mcap
 from tests.replay.sledge import sledge
 
 
@@ -46,6 +48,28 @@ def test_tables_that_both_begin_at_zero_are_refused_not_shuffled_into_one(
         LogError, match=r"part_1\.csv.* begins 39\.985 s before it ends in .*0\.csv"
     ):
         read(machine_file, sledge(), other)
+
+
+def test_a_topic_that_is_wholly_damaged_is_refused_with_what_was_lost(
+    machine_file: Path, tmp_path: Path
+) -> None:
+    log = tmp_path / "shift.mcap"
+    write_mcap(log, [Joints(k, {"slide": 1.0}) for k in range(1, 4)], chunk_size=10_000)
+    data = bytearray(log.read_bytes())
+    with log.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[0]
+    data[chunk.chunk_start_offset + chunk.chunk_length - 20] ^= 0x10
+    log.write_bytes(data)
+    columns = ("force_x_N", "speed_x_m_s", "acc_x_m_s2")
+    machine = load_machine(
+        machine_file,
+        [f"channels.{name}.topic=/joints" for name in columns]
+        + [f"channels.{name}.field=effort[slide]" for name in columns],
+    )
+    with pytest.raises(LogError, match=r"topic '/joints' has no messages: .*log time"):
+        read_channels([open_log(log)], machine)
 
 
 def test_parts_of_a_split_recording_may_reach_into_each_other_a_little(machine_file: Path) -> None:

@@ -51,7 +51,7 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
         ("[campaign]\nruns = 'nine'", "campaign.runs: input should be a valid integer"),
         ("[campaign]\nloads_kg = [0, 'x']", "campaign.loads_kg.1: input should be a valid number"),
         ("[campaign]\nloads_kg = [5, 5]", "campaign.loads_kg: a load appears twice"),
-        ("machine = 3", "machine: input should be a valid dictionary"),
+        ("machine = 3", "machine: input should be a table, not 3"),
         ("[terrain]\nslope_deg = 15", "campaign.throttle_force_N: reaches 6000 N"),
         ("[machine]\na = 1\nb = 2", "(and 1 more)"),
         ('["a\\nb"]', "unknown key 'a b'"),

@@ -163,6 +163,21 @@ def test_nested_columns_are_not_offered(tmp_path: Path) -> None:
     assert log.read("table", ["big"])["big"].to_list() == [2**64 - 1]
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_table_that_is_not_separated_by_commas_is_one_line(
+    tmp_path: Path, separator: str
+) -> None:
+    SAMPLES.write_csv(tmp_path / "shift.csv", separator=separator)
+    with pytest.raises(LogError, match="not separated by commas"):
+        open_log(tmp_path / "shift.csv")
+
+
+def test_a_wide_table_without_time_names_only_some_of_its_columns(tmp_path: Path) -> None:
+    pl.DataFrame({f"c{k}": [0.0] for k in range(200)}).write_csv(tmp_path / "wide.csv")
+    with pytest.raises(LogError, match=r"'c0', .*'c19' and 180 more; name it"):
+        open_log(tmp_path / "wide.csv")
+
+
 def test_a_torn_parquet_file_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "shift.parquet"
     SAMPLES.write_parquet(path)
