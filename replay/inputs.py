@@ -2,6 +2,7 @@
 
 import hashlib
 import platform
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from itertools import pairwise
@@ -15,6 +16,9 @@ from replay.readers.protocol import Log
 
 #: Logs of one time line may reach into each other by no more, as parts of a split recording do.
 _OVERLAP_NS = 1_000_000_000
+#: A field picked by name, `effort[left]`, beside the list of names that picks it.
+_BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
+_MOST_NAMES = 32
 #: Whatever of these changes may change a number or a recording.
 _VERSIONS = ("payscope", "numpy", "scipy", "numba", "polars", "rosbags", "mcap", "rerun-sdk")
 
@@ -70,10 +74,28 @@ def read_channels(
         if frame.is_empty():
             why = [f": {loss.what}" for log in holders for loss in log.losses()]
             raise LogError(f"{holders[0].path}: topic '{topic}' has no messages{''.join(why[:1])}")
+        _refuse_unknown_names(holders[0], topic, frame)
         raw[topic] = frame.sort("log_time_ns", maintain_order=True)
     for log in logs:
         losses += log.losses()
     return raw, losses
+
+
+def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
+    """A name that no message has gives no number at all: say which names there are."""
+    for field in frame.columns:
+        named = _BY_NAME.fullmatch(field)
+        if named is None or frame[field].null_count() < frame.height:
+            continue
+        listed = [f"{named['parent']}name[{i}]" for i in range(_MOST_NAMES)]
+        begins = int(frame["log_time_ns"].to_numpy().min())
+        first = log.read(topic, listed, end_ns=begins).select(listed)
+        known = [name for name in first.row(0) if name] if first.height else []
+        if named["name"] not in known:
+            raise LogError(
+                f"{log.path}: topic '{topic}' has no '{named['name']}' for the field '{field}'; "
+                f"{nearest(named['name'], known)}"
+            )
 
 
 def _refuse_overlap(topic: str, parts: Mapping[Log, pl.DataFrame]) -> None:

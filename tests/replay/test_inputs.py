@@ -12,6 +12,8 @@ from replay.inputs import read_channels
 from tests.replay.readers.written_logs import Joints, write_mcap
 from tests.replay.sledge import sledge
 
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
 
 def read(machine_file: Path, *tables: pl.DataFrame) -> pl.DataFrame:
     """The one topic of tables that are written beside the machine file."""
@@ -84,3 +86,16 @@ def test_parts_of_a_split_recording_may_reach_into_each_other_a_little(machine_f
 def even_after(row: int) -> pl.Expr:
     number = pl.int_range(pl.len())
     return (number >= row) & (number % 2 == 0)
+
+
+def test_a_joint_that_no_message_has_is_answered_with_the_nearest(
+    shared_data: Path,
+) -> None:
+    machine = load_machine(
+        EXAMPLES / "husky_imu.toml", ["channels.torque_left_N_m.field='effort[lef]'"]
+    )
+    with (
+        open_log(shared_data / "logs/husky_asphalt.bag") as log,
+        pytest.raises(LogError, match=r"no 'lef' .* did you mean 'left'\?"),
+    ):
+        read_channels([log], machine)
