@@ -19,6 +19,16 @@ class Said:
 Payscope = Callable[..., Said]
 
 
+def one_line(said: Said, *parts: str) -> None:
+    """Exit 2, nothing on stdout, one line on stderr that names what it should."""
+    assert said.status == 2, said
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    assert "Traceback" not in said.err
+    for part in parts:
+        assert part in said.err, said.err
+
+
 MACHINE = """
 [machine]
 name = "sledge"

@@ -1,0 +1,216 @@
+"""`payscope show`, `plot`, `init` and `info`."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from recordings import read_recording
+from tests.replay.readers.written_logs import Joints, write_mcap
+from tests.replay.sledge import Payscope, one_line, sledge
+
+
+class TestShow:
+    @pytest.fixture
+    def recording(self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) -> Path:
+        out = tmp_path / "out.rrd"
+        assert payscope("run", log, "-m", machine_file, "-o", out).status == 0
+        return out
+
+    def test_lists_the_stages_and_prints_each_of_them_in_each_format(
+        self, payscope: Payscope, recording: Path, tmp_path: Path
+    ) -> None:
+        run = read_recording(recording)
+        listed = json.loads(payscope("show", recording, "--format", "json").out)
+        assert list(listed) == list(run.frames)
+        for stage, frame in run.frames.items():
+            assert payscope("show", recording, stage).status == 0
+            as_json = json.loads(payscope("show", recording, stage, "--format", "json").out)
+            assert len(as_json) == frame.height
+            parquet = tmp_path / "stage.parquet"
+            said = payscope(
+                "show", recording, stage, "--format", "parquet", "-o", parquet, "--force"
+            )
+            assert said.status == 0
+            assert pl.read_parquet(parquet).equals(frame)
+
+    def test_the_suffix_of_the_output_says_the_format(
+        self, payscope: Payscope, recording: Path, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "masses.parquet"
+        assert payscope("show", recording, "masses", "-o", out).status == 0
+        assert pl.read_parquet(out).equals(read_recording(recording).frames["masses"])
+        one_line(payscope("show", recording, "masses", "-o", tmp_path / "masses.txt"), ".parquet")
+
+    def test_a_stage_is_not_written_over_its_recording(
+        self, payscope: Payscope, recording: Path
+    ) -> None:
+        said = payscope("show", recording, "gate", "--format", "csv", "-o", recording, "--force")
+        one_line(said, "out.rrd", "the input itself")
+        assert read_recording(recording).frames
+
+    def test_what_only_a_stage_can_do_needs_one(self, payscope: Payscope, recording: Path) -> None:
+        for words in (["--from", 1], ["-o", recording.with_name("a.csv")], ["--format", "csv"]):
+            one_line(payscope("show", recording, *words), "name one")
+
+    def test_a_joints_name_in_a_column_is_no_markup(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        table, out = tmp_path / "joints.csv", tmp_path / "joints.rrd"
+        sledge().rename({"force_N": "effort[left]"}).write_csv(table)
+        words = ["--set", "channels.force_x_N.field=effort[left]"]
+        assert payscope("run", table, "-m", machine_file, "-o", out, *words).status == 0
+        assert "effort[left]" in payscope("show", out).out
+
+    def test_a_wide_stage_is_not_broken_into_letters_on_a_narrow_screen(
+        self, payscope: Payscope, recording: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("COLUMNS", "60")
+        monkeypatch.setenv("FORCE_COLOR", "1")
+        assert "samples_accepted" in payscope("show", recording, "segments").out
+
+    def test_cuts_by_seconds_from_the_start(self, payscope: Payscope, recording: Path) -> None:
+        said = payscope("show", recording, "gate", "--from", 5, "--to", 6, "--format", "json")
+        rows = json.loads(said.out)
+        assert rows[0]["t_ns"] == 5_000_000_000
+        assert rows[-1]["t_ns"] == 6_000_000_000
+        assert len(rows) == 101
+
+    def test_csv_goes_to_stdout(self, payscope: Payscope, recording: Path) -> None:
+        said = payscope("show", recording, "masses", "--format", "csv")
+        assert said.out.startswith("method,mass_kg,mass_std_kg")
+
+    def test_wrong_stage_and_wrong_file(
+        self, payscope: Payscope, recording: Path, log: Path
+    ) -> None:
+        one_line(payscope("show", recording, "gat"), "did you mean 'gate'?")
+        one_line(payscope("show", log, "gate"), "sledge.csv")
+        one_line(payscope("show", recording, "gate", "--format", "parquet"), "-o")
+        one_line(payscope("show", recording, "masses", "--from", 1), "no time")
+
+    def test_plot_draws_a_page(self, payscope: Payscope, recording: Path, tmp_path: Path) -> None:
+        picture = tmp_path / "page.png"
+        assert payscope("plot", recording, "-o", picture).status == 0
+        assert picture.read_bytes().startswith(b"\x89PNG")
+        one_line(payscope("plot", recording, "-o", picture), "--force")
+        one_line(payscope("plot", recording, "-o", tmp_path / "page.doc"), ".png")
+
+
+class TestInit:
+    def test_a_table_with_telling_names_gives_a_machine_file_that_runs(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        table = tmp_path / "axis.csv"
+        sledge().rename({"acc_m_s2": "acc_x_m_s2"}).write_csv(table)
+        made = tmp_path / "made.toml"
+        assert payscope("init", table, "-o", made).status == 0
+        answer = json.loads(payscope("run", table, "-m", made, "--json").out)
+        assert answer["mass_kg"]["pooled"] == pytest.approx(120.0, rel=0.02)
+
+    @pytest.mark.parametrize(
+        "name", ["logs/linear_axis.bag", "logs/linear_axis_ros2", "logs/linear_axis.csv"]
+    )
+    def test_the_linear_axis_runs_from_its_first_machine_file(
+        self, payscope: Payscope, shared_data: Path, tmp_path: Path, name: str
+    ) -> None:
+        made = tmp_path / "made.toml"
+        said = payscope("init", shared_data / name, "-o", made)
+        assert said.status == 0
+        assert said.err == ""
+        said = payscope(
+            "run", shared_data / name, "-m", made, "--json",
+            "--set", "settings.exclude_braking=false",
+        )  # fmt: skip
+        assert json.loads(said.out)["mass_kg"]["pooled"] == pytest.approx(95.11, rel=0.02)
+
+    def test_whatever_a_log_calls_its_joints_the_file_is_toml(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        log, made = tmp_path / "named.mcap", tmp_path / "made.toml"
+        efforts = {'left "front"': 1.0, "right\\front": 2.0}
+        write_mcap(log, [Joints(k, efforts, '/wheels\\"') for k in range(1, 4)])
+        assert payscope("init", log, "-o", made).status == 0
+        channels = tomllib.loads(made.read_text())["channels"]
+        assert channels["torque_left_N_m"]["topic"] == '/wheels\\"'
+        assert channels["torque_left_N_m"]["field"] == 'effort[left "front"]'
+        assert channels["torque_right_N_m"]["field"] == "effort[right\\front]"
+
+    def test_only_the_arrays_that_a_joint_state_fills_are_guessed(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        log, made = tmp_path / "split.mcap", tmp_path / "made.toml"
+        efforts = {"left": 1.0, "right": 2.0}
+        write_mcap(log, [Joints(k, efforts, "/torque") for k in range(1, 4)])
+        assert payscope("init", log, "-o", made).status == 0
+        channels = tomllib.loads(made.read_text())["channels"]
+        assert channels.keys() == {"torque_left_N_m", "torque_right_N_m"}
+
+    def test_the_simulated_machine_runs_from_its_first_machine_file_and_what_only_a_person_knows(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        scenario, made = tmp_path / "one.toml", tmp_path / "made.toml"
+        scenario.write_text("[campaign]\nloads_kg = [0]\nruns = 2\n")
+        log = tmp_path / "one.bag"
+        assert payscope("simulate", scenario, "-o", log).status == 0
+        said = payscope("init", log, "-o", made)
+        assert said.err == (
+            "still missing: machine.wheel_radius_m, which turns wheel torques into a force\n"
+        )
+        known = {
+            "machine.wheel_radius_m": 0.42,
+            "machine.force_share": 0.5,
+            "channels.speed_left_m_s.scale": 0.42,
+            "channels.speed_right_m_s.scale": 0.42,
+        }
+        words = [word for key, value in known.items() for word in ("--set", f"{key}={value}")]
+        answer = json.loads(payscope("run", log, "-m", made, "--json", *words).out)
+        assert answer["mass_kg"]["pooled"] == pytest.approx(3614.0, rel=0.01)
+
+    def test_the_unit_of_a_tables_time_goes_into_the_machine_file(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        table, made = tmp_path / "ms.csv", tmp_path / "made.toml"
+        stamp = (pl.col("time_s") * 1000 + 1.7e12).cast(pl.Int64).alias("stamp")
+        sledge().select(stamp, pl.exclude("time_s")).write_csv(table)
+        said = payscope("init", table, "-o", made, "--time", "stamp", "--time-unit", "ms")
+        assert said.status == 0
+        assert tomllib.loads(made.read_text())["log"] == {"time": "stamp", "time_unit": "ms"}
+
+    def test_what_is_missing_is_said(
+        self, payscope: Payscope, shared_data: Path, tmp_path: Path
+    ) -> None:
+        made = tmp_path / "made.toml"
+        said = payscope("init", shared_data / "bags/jackal_imu_odom.bag", "-o", made)
+        assert "still missing: a force" in said.err
+        assert "missing: a force" in made.read_text()
+
+
+class TestInfo:
+    def test_every_bag_of_others_is_described_or_one_line_says_why_not(
+        self, payscope: Payscope, shared_data: Path
+    ) -> None:
+        for path in sorted((shared_data / "bags").iterdir()):
+            said = payscope("info", path)
+            if said.status == 0:
+                assert path.name in said.out
+            else:
+                one_line(said, path.name)
+
+    def test_several_logs_are_described_though_one_is_empty(
+        self, payscope: Payscope, shared_data: Path
+    ) -> None:
+        bags = shared_data / "bags"
+        said = payscope("info", bags / "empty-file.bag", bags / "talker.mcap")
+        assert said.status == 2
+        assert "talker.mcap" in said.out
+        assert "empty-file.bag: the file is empty" in said.err
+
+    def test_json(self, payscope: Payscope, log: Path) -> None:
+        told = json.loads(payscope("info", log, "--json").out)
+        assert told["messages"] == 4000
+        assert told["topics"][0]["topic"] == "table"
+
+    def test_wrong_time_zone(self, payscope: Payscope, log: Path) -> None:
+        one_line(payscope("info", log, "--timezone", "Mars/Base"), "Mars/Base")

@@ -1,0 +1,120 @@
+"""`payscope run` and the installed command: answers and exit statuses."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from recordings import read_recording
+from replay.commands.replaying import print_answer
+from tests.replay.sledge import Payscope, one_line, sledge
+
+
+class TestRun:
+    def test_prints_the_answer_and_writes_the_recording(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        said = payscope("run", log, "-m", machine_file, "-o", tmp_path / "out.rrd")
+        assert said.status == 0, said.err
+        assert "can weigh" in said.out
+        assert read_recording(tmp_path / "out.rrd").frames["masses"].height == 5
+
+    def test_json_gives_every_key_of_the_contract(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "out.rrd"
+        said = payscope("run", log, "-m", machine_file, "-o", out, "--json")
+        answer = json.loads(said.out)
+        assert {"mass_kg", "mass_std_kg", "payload_kg", "accepted_share", "verdict", "losses"} <= (
+            answer.keys()
+        )
+        assert answer["recording"] == str(out)
+        assert answer["mass_kg"]["pooled"] == pytest.approx(120.0, rel=0.02)
+        assert answer["payload_kg"]["pooled"] == pytest.approx(20.0, abs=2.5)
+        assert answer["verdict"]["can_weigh"] is True
+        assert 0 < answer["accepted_share"] <= 1
+
+    def test_several_logs_are_one_time_line(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        whole = sledge()
+        parts = [tmp_path / "a.csv", tmp_path / "b.csv"]
+        whole[:2000].write_csv(parts[0])
+        whole[2000:].write_csv(parts[1])
+        one = tmp_path / "whole.csv"
+        whole.write_csv(one)
+        masses = [
+            json.loads(payscope("run", *logs, "-m", machine_file, "--json").out)["mass_kg"]
+            for logs in (parts, parts[::-1], [one])
+        ]
+        assert masses[0] == masses[1] == masses[2]
+
+    def test_override_wins_over_the_machine_file(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope(
+            "run", log, "-m", machine_file, "--json", "--set", "settings.threshold_nat=9"
+        )
+        assert said.status == 1
+        assert json.loads(said.out)["accepted_share"] == 0
+
+    def test_a_mass_without_a_deviation_is_printed_alone(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        numbers = {
+            "mass_kg": {"pooled": 120.0},
+            "mass_std_kg": {"pooled": None},
+            "payload_kg": {"pooled": 20.0},
+            "friction_x_N_s_m": {"pooled": None},
+            "friction_x_std_N_s_m": {"pooled": None},
+        }
+        said = {"losses": [], "notes": [], "accepted_share": 0.1, "recording": None}
+        print_answer(
+            {**numbers, **said, "verdict": {"can_weigh": True, "checks": []}}, as_json=False
+        )
+        assert "120.00  " in capsys.readouterr().out
+
+    def test_timing_splits_the_seconds_by_stage(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope("run", log, "-m", machine_file, "--timing")
+        for stage in ("read", "derive", "align", "smooth", "forces", "gate", "trace", "verdict"):
+            assert stage in said.err
+
+    def test_a_failed_verdict_withholds_the_mass_lists_the_checks_and_exits_1(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        unsigned = tmp_path / "unsigned.csv"
+        sledge().with_columns(pl.lit(1.0).alias("force_N")).write_csv(unsigned)
+        said = payscope("run", unsigned, "-m", machine_file, "-o", tmp_path / "out.rrd")
+        assert said.status == 1
+        assert "cannot weigh" in said.out
+        assert "opposing_share" in said.out
+        kept = read_recording(tmp_path / "out.rrd").frames["masses"]
+        assert kept["mass_kg"].null_count() == kept.height
+
+    def test_strict_refuses_a_log_with_a_loss_and_writes_nothing(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        holed = tmp_path / "holed.csv"
+        sledge().with_columns(
+            pl.when(pl.int_range(pl.len()) == 100).then(None).otherwise("force_N").alias("force_N")
+        ).write_csv(holed)
+        out = tmp_path / "out.rrd"
+        one_line(payscope("run", holed, "-m", machine_file, "-o", out, "--strict"), "--strict")
+        assert not out.exists()
+        assert payscope("run", holed, "-m", machine_file, "-o", out).status == 0
+
+
+def test_the_installed_command_answers(tmp_path: Path) -> None:
+    script = Path(sys.executable).with_name("payscope")
+    left = subprocess.run([script, "--version"], capture_output=True, text=True, check=True)
+    assert left.stdout.startswith("payscope ")
+    left = subprocess.run(
+        [script, "info", tmp_path / "no.bag"], capture_output=True, text=True, check=False
+    )
+    assert left.returncode == 2
+    assert left.stderr.count("\n") == 1

@@ -1,0 +1,232 @@
+"""Whatever is wrong with input or output: one line, exit 2, never half a file."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from recordings import read_recording
+from tests.replay.sledge import Payscope, Said, one_line, sledge
+
+
+class TestWrongInput:
+    """Each fault by name: exit 2 and one line, or a stated refusal; never half a file."""
+
+    @pytest.fixture(autouse=True)
+    def _nothing_half_written(self, tmp_path: Path):
+        yield
+        assert not list(tmp_path.glob("*.rrd"))
+        assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
+
+    def test_missing_log(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
+        one_line(payscope("run", tmp_path / "no.bag", "-m", machine_file), "no.bag", "no such")
+
+    def test_missing_machine_file(self, payscope: Payscope, log: Path, tmp_path: Path) -> None:
+        one_line(payscope("run", log, "-m", tmp_path / "no.toml"), "no.toml")
+
+    def test_directory_without_bags(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        (tmp_path / "empty").mkdir()
+        one_line(payscope("run", tmp_path / "empty", "-m", machine_file), "no bag")
+
+    def test_wrong_suffix(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
+        (tmp_path / "log.txt").write_text("hello")
+        one_line(payscope("run", tmp_path / "log.txt", "-m", machine_file), ".bag", ".mcap")
+
+    def test_wrong_field_names_the_choices(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.field=force_n")
+        one_line(said, "force_n", "force_N")
+
+    def test_wrong_topic_names_the_nearest_and_the_key_to_set(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.topic=/tabel")
+        one_line(said, "no topic '/tabel'", "table", "channels.force_x_N.topic")
+
+    def test_wrong_unit(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
+        said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.unit=kg")
+        one_line(said, "sledge.toml", "channels.force_x_N", "kg")
+        said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.unit=blob")
+        one_line(said, "blob")
+
+    def test_unknown_key_names_the_nearest(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope("run", log, "-m", machine_file, "--set", "settings.window_sample=400")
+        one_line(said, "settings.window_sample", "did you mean 'window_samples'?")
+
+    def test_override_without_a_value(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        one_line(payscope("run", log, "-m", machine_file, "--set", "rate"), "key=value")
+
+    def test_a_value_of_another_kind_is_asked_for_in_the_words_of_toml(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        for override, wanted in (("methods=ls", "a list"), ("verdict=3", "a table")):
+            said = payscope("run", log, "-m", machine_file, "--set", f"settings.{override}")
+            one_line(said, f"input should be {wanted}, not")
+
+    def test_machine_file_without_channels_says_which_it_needs(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        (tmp_path / "m.toml").write_text('[machine]\nname = "bare"\n')
+        said = payscope("run", log, "-m", tmp_path / "m.toml")
+        one_line(said, "m.toml", "no force: give channels.force_x_N")
+
+    def test_machine_file_that_is_no_toml(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        (tmp_path / "m.toml").write_text("[machine\n")
+        one_line(payscope("run", log, "-m", tmp_path / "m.toml"), "m.toml", "TOML")
+
+    def test_log_shorter_than_the_window_is_a_stated_refusal(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        short = tmp_path / "short.csv"
+        sledge(seconds=2.0).write_csv(short)
+        said = payscope("run", short, "-m", machine_file)
+        assert said.status == 1
+        assert "the log lasts 2.00 s, a window needs 3.20 s" in said.out
+
+    def test_log_of_one_row(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
+        sledge(seconds=0.01).write_csv(tmp_path / "one.csv")
+        one_line(payscope("run", tmp_path / "one.csv", "-m", machine_file), "single sample")
+
+    def test_log_of_no_row(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
+        sledge()[:0].write_csv(tmp_path / "none.csv")
+        one_line(payscope("run", tmp_path / "none.csv", "-m", machine_file), "none.csv")
+
+    def test_channel_of_nothing_but_nan(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        nans = tmp_path / "nans.parquet"
+        sledge().with_columns(pl.lit(float("nan")).alias("force_N")).write_parquet(nans)
+        one_line(payscope("run", nans, "-m", machine_file), "force_x_N", "no number")
+
+    def test_nan_and_infinite_samples_are_left_out_and_stated(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        holed = tmp_path / "holed.parquet"
+        row = pl.int_range(pl.len())
+        sledge().with_columns(
+            pl.when(row == 50)
+            .then(float("nan"))
+            .when(row == 60)
+            .then(float("inf"))
+            .otherwise("force_N")
+            .alias("force_N")
+        ).write_parquet(holed)
+        said = payscope("run", holed, "-m", machine_file)
+        assert said.status == 0
+        assert "2 of 4000 samples of force_N are missing or not finite" in said.out
+
+    def test_stamps_that_go_backwards_are_sorted_and_the_masses_stay(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        shuffled = tmp_path / "shuffled.csv"
+        rows = sledge().with_row_index()
+        swapped = rows.with_columns(
+            pl.when(pl.col("index") == 700)
+            .then(702.5)
+            .otherwise(pl.col("index").cast(pl.Float64))
+            .alias("order")
+        ).sort("order")
+        swapped.drop("index", "order").write_csv(shuffled)
+        masses = [
+            json.loads(payscope("run", path, "-m", machine_file, "--json").out)["mass_kg"]
+            for path in (log, shuffled)
+        ]
+        assert masses[0] == masses[1]
+        said = payscope("run", shuffled, "-m", machine_file)
+        assert "lost: shuffled.csv table: the time goes back at 1 rows: sorted by time" in said.out
+
+    def test_text_where_a_number_should_be(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        words = tmp_path / "words.parquet"
+        sledge().with_columns(pl.lit("fast").alias("force_N")).write_parquet(words)
+        said = payscope("run", words, "-m", machine_file)
+        one_line(said, "words.parquet with", "sledge.toml: force_x_N", "not a number")
+
+    def test_channels_that_share_no_time(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.delay_s=1000")
+        one_line(said, "share no stretch of time")
+
+    def test_unknown_option_and_command(self, payscope: Payscope) -> None:
+        one_line(payscope("run", "--frobnicate"), "--frobnicate")
+        one_line(payscope("rum"), "rum")
+        one_line(payscope("run"), "logs")
+
+
+class TestOutputs:
+    def test_nothing_is_overwritten_without_force(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "out.rrd"
+        out.write_text("mine")
+        one_line(payscope("run", log, "-m", machine_file, "-o", out), "out.rrd", "--force")
+        assert out.read_text() == "mine"
+        assert payscope("run", log, "-m", machine_file, "-o", out, "--force").status == 0
+        assert read_recording(out).frames
+
+    def test_missing_folder(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "no" / "out.rrd"
+        one_line(payscope("run", log, "-m", machine_file, "-o", out), "out.rrd", "folder")
+
+    @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+    def test_read_only_folder_of_a_plain_user(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        locked = tmp_path / "locked"
+        locked.mkdir(mode=0o555)
+        one_line(payscope("run", log, "-m", machine_file, "-o", locked / "out.rrd"), "locked")
+
+    @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")
+    def test_read_only_folder(self, log: Path, machine_file: Path, tmp_path: Path) -> None:
+        locked = tmp_path / "locked"
+        locked.mkdir(mode=0o555)
+        for path in (tmp_path, *tmp_path.parents[:-2]):
+            path.chmod(path.stat().st_mode | 0o055)
+        code = (
+            "import os, sys; from replay.cli import main; import recordings, replay.pipeline, "
+            "replay.commands.replaying, analysis.units; os.setuid(65534); main()"
+        )
+        words = ["run", log, "-m", machine_file, "-o", locked / "out.rrd"]
+        left = subprocess.run(
+            [sys.executable, "-c", code, *map(str, words)],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=Path(__file__).resolve().parents[2],
+        )
+        one_line(Said(left.returncode, left.stdout, left.stderr), "locked", "Permission denied")
+
+    def test_a_recording_ends_in_rrd_so_that_no_log_is_lost_to_force(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        before = log.read_bytes(), machine_file.read_bytes()
+        for out in (log, machine_file):
+            said = payscope("run", log, "-m", machine_file, "-o", out, "--force")
+            one_line(said, out.name, ".rrd")
+        assert (log.read_bytes(), machine_file.read_bytes()) == before
+
+    def test_a_log_is_not_overwritten_by_its_machine_file(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        before = log.read_bytes()
+        (tmp_path / "link.toml").symlink_to(log)
+        for out in (log, tmp_path / "link.toml"):
+            one_line(payscope("init", log, "-o", out, "--force"), out.name, "the input itself")
+        assert log.read_bytes() == before
