@@ -60,6 +60,21 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
     return process
 
 
+def start_viewer() -> str:
+    """Start a viewer that waits for a recording, and stays open when this process ends.
+
+    Returns:
+        The address that `write_recording` streams to.
+
+    Raises:
+        RecordingError: no viewer starts.
+    """
+    with tempfile.TemporaryFile() as log:
+        process, port = _start(None, log)
+        _connected(process, port, log, "a screen; leave out --live without one", waiting=True)
+    return _address(port)
+
+
 def screenshots(path: str | Path, folder: str | Path) -> list[Screenshot]:
     """Draw every tab of a recording in the real viewer, without a screen.
 
@@ -78,7 +93,7 @@ def screenshots(path: str | Path, folder: str | Path) -> list[Screenshot]:
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; create it first")
     read_provenance(path)
-    with _headless(Path(path)) as client:
+    with headless_viewer(Path(path)) as (client, _):
         return list(_photographed(client, folder))
 
 
@@ -133,27 +148,30 @@ def _views(whole: dict[str, Any], entity: str) -> Iterator[str]:
 
 
 @contextmanager
-def _headless(path: Path) -> "Generator[ViewerClient]":
+def headless_viewer(path: Path | None) -> "Generator[tuple[ViewerClient, str]]":
+    """A viewer without a screen, with a recording or waiting for one: its client and address."""
     # "CI" keeps Rerun's usage statistics at home: nobody sees this viewer to be asked
     with tempfile.TemporaryFile() as log:
         process, port = _start(path, log, "--headless", "--window-size", _WINDOW, CI="1")
+        needs = "a Vulkan driver, like Debian's mesa-vulkan-drivers"
         try:
-            yield _connected(
-                process, port, log, "a Vulkan driver, like Debian's mesa-vulkan-drivers"
-            )
+            client = _connected(process, port, log, needs, waiting=path is None)
+            yield client, _address(port)
         finally:
             process.terminate()
             process.wait()
 
 
 def _start(
-    path: Path, log: IO[bytes], *options: str, **environment: str
+    path: Path | None, log: IO[bytes], *options: str, **environment: str
 ) -> tuple[subprocess.Popen[bytes], int]:
-    """Start the viewer with a recording, listening on this machine only."""
+    """Start the viewer with a recording or empty, listening on this machine only."""
     with socket.socket() as free:
         free.bind((_HOST, 0))
         port = int(free.getsockname()[1])
-    command = [executable(), "--bind", _HOST, "--port", str(port), *options, path.resolve()]
+    command = [executable(), "--bind", _HOST, "--port", str(port), *options]
+    if path is not None:
+        command.append(path.resolve())
     process = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
@@ -163,6 +181,10 @@ def _start(
         start_new_session=True,
     )
     return process, port
+
+
+def _address(port: int) -> str:
+    return f"rerun+http://{_HOST}:{port}/proxy"
 
 
 def executable() -> Path:
@@ -176,20 +198,25 @@ def executable() -> Path:
 
 
 def _connected(
-    process: subprocess.Popen[bytes], port: int, log: IO[bytes], needs: str
+    process: subprocess.Popen[bytes],
+    port: int,
+    log: IO[bytes],
+    needs: str,
+    *,
+    waiting: bool = False,
 ) -> "ViewerClient":
-    """Wait until the viewer has loaded its recording."""
+    """Wait until the viewer has loaded its recording, or, `waiting` for one, listens."""
     from rerun.experimental import ViewerClient
 
     deadline = time.monotonic() + _START_S
     while time.monotonic() < deadline and process.poll() is None:
         time.sleep(_POLL_S)
         try:
-            client = ViewerClient.connect(f"rerun+http://{_HOST}:{port}/proxy")
+            client = ViewerClient.connect(_address(port))
             state = client.get_state()
         except (ConnectionError, RuntimeError):
             continue  # it does not listen yet
-        if state.recordings and not state.loading:
+        if waiting or (state.recordings and not state.loading):
             return client
     process.terminate()
     process.wait()

@@ -26,7 +26,9 @@ APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"
 
 
-def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
+def write_recording(
+    run: Run, path: str | Path, *, force: bool = False, viewer: str | None = None
+) -> Path:
     """Write every frame of `run` and its provenance, with a blueprint that lays it out.
 
     The file gets its name only after everything in it was read back and found equal.
@@ -35,6 +37,7 @@ def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
         run: what to write. Floats outside `raw` hold no NaN (missing is null).
         path: the `.rrd` file to write; its folder must exist.
         force: whether to replace a file that is there already.
+        viewer: the address of a viewer (`start_viewer`) that shows it while it is written.
 
     Returns:
         The path of the recording.
@@ -46,7 +49,7 @@ def write_recording(run: Run, path: str | Path, *, force: bool = False) -> Path:
     path = Path(path)
     check_recording(path, force=force)
     with whole_file(path, force=force) as partial:
-        _write(run, partial)
+        _write(run, partial, viewer)
         _verify(run, partial, path)
     return path
 
@@ -62,7 +65,7 @@ def check_recording(path: Path, *, force: bool) -> None:
     check_output(path, force=force)
 
 
-def _write(run: Run, partial: Path) -> None:
+def _write(run: Run, partial: Path, viewer: str | None) -> None:
     import rerun as rr
 
     stored = [(StoredFrame.of(name, frame), frame) for name, frame in run.frames.items()]
@@ -73,7 +76,8 @@ def _write(run: Run, partial: Path) -> None:
         provenance=json.dumps(run.provenance.model_dump(mode="json")),
     )
     with rr.RecordingStream(APPLICATION, recording_id=uuid4()) as recording:
-        recording.save(partial)
+        watching = [rr.GrpcSink(viewer)] if viewer else []
+        recording.set_sinks(rr.FileSink(partial), *watching)
         recording.send_blueprint(blueprint(run, shown), make_active=True, make_default=True)
         recording.send_property(PROPERTY, description)
         recording.send_recording_name(recording_name(run.provenance))

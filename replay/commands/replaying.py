@@ -11,6 +11,7 @@ from analysis.answer import answer
 from analysis.run import Loss
 from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
+from recordings.viewer import start_viewer
 from replay.commands.printing import console, plain_table, print_json
 from replay.commands.progress import Stages
 from replay.machine import load_machine, time_axis
@@ -27,6 +28,7 @@ def replay_logs(
     strict: bool = False,
     force: bool = False,
     timing: bool = False,
+    live: bool = False,
 ) -> dict[str, Any]:
     """Replay logs in one time line and record the run; the answer with the recording's path.
 
@@ -36,6 +38,8 @@ def replay_logs(
     machine = load_machine(machine_file, overrides)
     if output is not None:
         check_recording(output, force=force)
+    # before the work: without a screen there is nothing to wait for
+    viewer = start_viewer() if live else None
     with ExitStack() as stack, Stages(timing=timing) as stages:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         try:
@@ -51,7 +55,7 @@ def replay_logs(
             )
         if output is not None:
             stages.begin("record")
-            write_recording(result, output, force=force)
+            write_recording(result, output, force=force, viewer=viewer)
     return {**answer(result), "recording": str(output) if output else None}
 
 

@@ -20,6 +20,9 @@ def command(
     ] = None,
     timing: Annotated[bool, typer.Option(help="Print the seconds of each stage.")] = False,
     strict: Annotated[bool, typer.Option(help="Refuse a log with any loss.")] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="Watch the recording in the viewer as it is written.")
+    ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
@@ -29,8 +32,17 @@ def command(
     """
     from replay.commands.replaying import print_answer, replay_logs
 
+    if live and output is None:
+        raise typer.BadParameter("--live shows a recording: name it with -o")
     answer = replay_logs(
-        logs, machine, output, overrides or [], strict=strict, force=force, timing=timing
+        logs,
+        machine,
+        output,
+        overrides or [],
+        strict=strict,
+        force=force,
+        timing=timing,
+        live=live,
     )
     print_answer(answer, as_json=as_json)
     if not answer["verdict"]["can_weigh"]:

@@ -2,15 +2,16 @@
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from analysis import Run
 from estimators.errors import OutputError, RecordingError
-from recordings import write_recording
+from recordings import read_recording, write_recording
 from recordings.table import TABS
-from recordings.viewer import screenshots
+from recordings.viewer import headless_viewer, screenshots
 
 DRIVERS = [
     *Path("/usr/share/vulkan/icd.d").glob("*.json"),
@@ -48,6 +49,20 @@ class TestViewer:
         sizes = [each.png.stat().st_size for each in drawn]
         assert min(sizes) > 20_000
         assert len({each.png.read_bytes() for each in drawn}) == len(drawn)
+
+    def test_a_recording_is_seen_while_it_is_written_and_the_file_is_the_same(
+        self, drives, tmp_path: Path
+    ):
+        run = drives(60.0)
+        with headless_viewer(None) as (client, address):
+            assert not client.get_state().recordings
+            path = write_recording(run, tmp_path / "live.rrd", viewer=address)
+            deadline = time.monotonic() + 30.0
+            while not client.get_state().recordings and time.monotonic() < deadline:
+                time.sleep(0.2)
+            assert len(client.get_state().recordings) == 1
+            assert [r for view in client.get_state().views for r in view.reports] == []
+        assert read_recording(path) == run
 
 
 def test_a_missing_recording_or_folder_is_said_before_any_viewer_starts(tmp_path: Path):

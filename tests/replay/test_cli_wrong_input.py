@@ -162,6 +162,11 @@ class TestWrongInput:
         said = payscope("run", log, "-m", machine_file, "--set", "channels.force_x_N.delay_s=1000")
         one_line(said, "share no stretch of time")
 
+    def test_live_without_a_recording_to_show(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        one_line(payscope("run", log, "-m", machine_file, "--live"), "--live", "-o")
+
     def test_unknown_option_and_command(self, payscope: Payscope) -> None:
         one_line(payscope("run", "--frobnicate"), "--frobnicate")
         one_line(payscope("rum"), "rum")
