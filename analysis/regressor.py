@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from analysis.schema import values
 from analysis.settings import Settings
 from estimators import planar
+from estimators.trace import Trace
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +39,15 @@ def theta_columns(theta: Floats, std: Floats) -> dict[str, Floats]:
         columns[name] = theta[:, i]
         columns[name_std] = std[:, i]
     return columns
+
+
+def trace_columns(traced: Trace) -> dict[str, Floats]:
+    """What a trace says of each of its rows, as the frames name it."""
+    return {
+        **theta_columns(traced.theta, traced.std),
+        "residual_rms_N": traced.residual_rms,
+        "condition_1": traced.condition,
+    }
 
 
 def theta_of(estimates: pl.DataFrame) -> tuple[Floats, Floats]:

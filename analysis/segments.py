@@ -5,7 +5,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
-from analysis.regressor import straight, theta_columns
+from analysis.regressor import straight, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
 from estimators import pooled
@@ -37,6 +37,12 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
 
+def pooled_samples(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> Ints:
+    """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
+    used = accepted_samples(excitation, gated, settings)
+    return np.where(used, manoeuvres(excitation, settings), -1)
+
+
 def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> pl.DataFrame:
     """Make `segments`: a row a manoeuvre with its pooled estimate, or the reason for none.
 
@@ -49,17 +55,10 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
     if settings.exclude_braking:
         refused_for["braking"] = "braking"
     segment_id = manoeuvres(excitation, settings)
-    used = accepted_samples(excitation, gated, settings)
-    A, f = straight(excitation, settings)
-    pooled_ids = np.where(used, segment_id, -1)
-    traced = pooled.trace(A, f, pooled_ids)
+    pooled_ids = pooled_samples(excitation, gated, settings)
+    traced = pooled.trace(*straight(excitation, settings), pooled_ids)
     estimates = pl.DataFrame(
-        {
-            "segment_id": pooled_ids[traced.index],
-            **theta_columns(traced.theta, traced.std),
-            "residual_rms_N": traced.residual_rms,
-            "condition_1": traced.condition,
-        },
+        {"segment_id": pooled_ids[traced.index], **trace_columns(traced)},
         schema_overrides={"segment_id": pl.Int64},
     )
     table = (
@@ -68,7 +67,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
                 "segment_id": segment_id,
                 "t_ns": excitation["t_ns"],
                 "phase": excitation["phase"].cast(pl.String),
-                "used": used,
+                "used": pooled_ids >= 0,
                 "reason": gated["reason_x"].cast(pl.String),
             }
         )

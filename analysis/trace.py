@@ -2,10 +2,9 @@
 
 import polars as pl
 
-from analysis.gate import accepted_samples
-from analysis.regressor import straight, theta_columns
+from analysis.regressor import straight, trace_columns
 from analysis.schema import build
-from analysis.segments import manoeuvres
+from analysis.segments import pooled_samples
 from analysis.settings import Settings
 from estimators import fgls, huber, ls, pooled, rls, rtls, tls
 from estimators.trace import Trace
@@ -51,20 +50,10 @@ def trace(
                 bend = huber.HuberOptions(settings.huber_bend)
                 traced = huber.trace(A, f, window, accepted, bend)
             case "pooled":
-                segment_id = manoeuvres(excitation, settings)
-                segment_id[~accepted_samples(excitation, gated, settings)] = -1
-                traced = pooled.trace(A, f, segment_id)
+                traced = pooled.trace(A, f, pooled_samples(excitation, gated, settings))
         traces[method] = traced
     t_ns = excitation["t_ns"].to_numpy()
     return {
-        method: build(
-            "estimates",
-            {
-                "t_ns": t_ns[traced.index],
-                **theta_columns(traced.theta, traced.std),
-                "residual_rms_N": traced.residual_rms,
-                "condition_1": traced.condition,
-            },
-        )
+        method: build("estimates", {"t_ns": t_ns[traced.index], **trace_columns(traced)})
         for method, traced in traces.items()
     }
