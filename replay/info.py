@@ -1,6 +1,5 @@
 """What is in a log: the answer of `payscope info`, for people and for machines."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, tzinfo
@@ -46,10 +45,6 @@ class LogInfo:
             "topics": self.topics.to_dicts(),
             "losses": [loss.model_dump() for loss in self.losses],
         }
-
-    def to_json(self) -> str:
-        """The same as JSON."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def describe(log: Log) -> LogInfo:
