@@ -8,7 +8,7 @@ import polars as pl
 from analysis import filters
 from analysis.machine import Channel, Machine
 from analysis.run import Loss
-from analysis.schema import CHANNEL_COLUMNS
+from analysis.schema import CHANNEL_COLUMNS, HINTS
 from analysis.units import to_si
 from estimators.errors import DataError
 
@@ -29,7 +29,7 @@ def derive(
     on one regressor alone biases the mass.
 
     Args:
-        placed: by topic: unix_ns and fields.
+        placed: by topic: unix_ns and fields; the topic of a hint may be missing.
         machine: channels and settings.
 
     Returns:
@@ -52,6 +52,8 @@ def derive(
             first, second = (series[source] for source in channel.mean_of)
             t, x = _mean(first, second, filters.longest_step_ns(second[0], settings))
             x = x * channel.scale + channel.offset
+        elif name in HINTS and (channel.topic or "table") not in placed:
+            continue
         else:
             t, x = _pick(name, channel, placed[channel.topic or "table"], losses)
             if filtering and name not in _UNFILTERED:
