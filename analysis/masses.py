@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
-from analysis.regressor import Axis, X, axes, regressor, rows_of, theta_columns, theta_of
+from analysis.regressor import (
+    Axis,
+    X,
+    axes,
+    pooled_options,
+    regressor,
+    rows_of,
+    theta_columns,
+    theta_of,
+)
 from analysis.schema import build, values
 from analysis.settings import RECURSIVE, Settings
 from estimators import pooled
@@ -62,7 +71,7 @@ def pooled_over_log(
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
-    whole = pooled.trace(A, f, np.where(used, 0, -1))
+    whole = pooled.trace(A, f, np.where(used, 0, -1), pooled_options(axis, settings))
     return whole.theta[0], whole.std[0]
 
 

@@ -5,7 +5,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
-from analysis.regressor import Axis, X, Z, axes, regressor, trace_columns
+from analysis.regressor import Axis, X, Z, axes, pooled_options, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
 from estimators import pooled
@@ -63,7 +63,8 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
     for axis in axes(excitation):
         pooled_ids = pooled_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
-        traced = pooled.trace(*regressor(axis, excitation, settings), pooled_ids)
+        A, f = regressor(axis, excitation, settings)
+        traced = pooled.trace(A, f, pooled_ids, pooled_options(axis, settings))
         parts.append(
             pl.DataFrame(
                 {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},

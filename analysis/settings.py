@@ -100,7 +100,7 @@ class Settings(BaseModel):
         45.0, gt=0, description="noise of the yaw torque, before the mean"
     )
     tls_noise_yaw_acc_rad_s2: float = Field(0.02, gt=0, description="noise of the yaw acceleration")
-    tls_noise_yaw_rate_rad_s: float = Field(0.002, gt=0, description="noise of the yaw rate")
+    tls_noise_yaw_rate_rad_s: float = Field(0.001, gt=0, description="noise of the yaw rate")
     derivative_cutoff_hz: float = Field(
         20.0, gt=0, description="low-pass of every regressor channel where one is derived by d/dt"
     )

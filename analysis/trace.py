@@ -2,7 +2,7 @@
 
 import polars as pl
 
-from analysis.regressor import Axis, X, axes, regressor, trace_columns
+from analysis.regressor import Axis, X, axes, pooled_options, regressor, trace_columns
 from analysis.schema import build
 from analysis.segments import pooled_samples
 from analysis.settings import Settings
@@ -58,7 +58,8 @@ def _traces(
                 bend = huber.HuberOptions(settings.huber_bend)
                 traced = huber.trace(A, f, window, accepted, bend)
             case "pooled":
-                traced = pooled.trace(A, f, pooled_samples(excitation, gated, settings, axis))
+                ids = pooled_samples(excitation, gated, settings, axis)
+                traced = pooled.trace(A, f, ids, pooled_options(axis, settings))
         traces[method] = traced
     return traces
 
