@@ -5,7 +5,6 @@ and Euler ask for (`estimators.planar.regressor` times the loader's parameters).
 """
 
 import numpy as np
-
 import polars as pl
 
 from analysis.align import align
