@@ -1,5 +1,7 @@
 """Stage 3 and joint motion: the centre of mass, and null for what the motion does not determine."""
 
+import re
+
 import numpy as np
 import polars as pl
 import pytest
@@ -74,7 +76,7 @@ def test_v_and_omega_in_step_mix_mass_and_inertia_with_the_lateral_moment():
     (row,) = in_step["planar"].to_dicts()
     assert row["rank"] == 5
     first, second = row["combinations"].split("; ")
-    assert first.startswith("mass_kg - 0.3")
+    assert re.match(r"mass_kg - 0\.(29|30)\d* first_moment_y_kg_m$", first)
     assert second.startswith("inertia_z_kg_m2 - 3.3")
     for name in ("mass_kg", "inertia_z_kg_m2", "first_moment_y_kg_m", "com_x_m"):
         assert row[name] is None

@@ -71,10 +71,9 @@ class TestRun:
             "friction_x_N_s_m": {"pooled": None},
             "friction_x_std_N_s_m": {"pooled": None},
         }
-        said = {"losses": [], "notes": [], "accepted_share": 0.1, "recording": None}
-        print_answer(
-            {**numbers, **said, "verdict": {"can_weigh": True, "checks": []}}, as_json=False
-        )
+        said = {"losses": [], "notes": [], "planar": [], "accepted_share": 0.1, "recording": None}
+        judged = {"can_weigh": True, "tells_inertia": False, "checks": []}
+        print_answer({**numbers, **said, "verdict": judged}, as_json=False)
         assert "120.00  " in capsys.readouterr().out
 
     def test_timing_splits_the_seconds_by_stage(
