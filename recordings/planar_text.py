@@ -55,12 +55,16 @@ def _line(row: dict[str, Any]) -> str:
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"
     if row["com_x_m"] is None:
-        return f"centre of mass from {of}: none. {_determined(row)}"
-    ahead = f"{plus_minus(row['com_x_m'], row['com_x_std_m'])} m ahead of the origin"
+        return f"centre of mass from {of}: none; {_determined(row)}"
+    along = f"{_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
     if row["com_y_m"] is None:
-        return f"centre of mass from {of}: {ahead}"
-    left = f"{plus_minus(row['com_y_m'], row['com_y_std_m'])} m to its left"
-    return f"centre of mass from {of}: {ahead}, {left}"
+        return f"centre of mass from {of}: {along}"
+    across = f"{_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    return f"centre of mass from {of}: {along}, {across}"
+
+
+def _distance(row: dict[str, Any], axis: str) -> str:
+    return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 
 def _determined(row: dict[str, Any]) -> str:

@@ -67,8 +67,7 @@ def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
         return
     screen = console()
     weighs = answer["verdict"]["can_weigh"]
-    tells_inertia = answer["verdict"]["tells_inertia"]
-    if weighs or tells_inertia:
+    if weighs or answer["verdict"]["tells_inertia"]:
         screen.print(_totals(answer))
     for line in planar_lines(answer["planar"]):
         screen.print(line, markup=False)
@@ -78,14 +77,16 @@ def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
         screen.print(f"note: {note}", markup=False)
     checks = answer["verdict"]["checks"]
     failed = [c for c in checks if c["passed"] is False and c["about"] == "mass"]
+    lost = [c for c in checks if c["passed"] is False and c["about"] == "inertia"]
     share = answer["accepted_share"]
     if weighs:
-        screen.print(f"This log can weigh: every check passed, {share:.0%} of it was used.")
+        which = "every check of the mass" if lost else "every check"
+        screen.print(f"This log can weigh: {which} passed, {share:.0%} of it was used.")
     else:
         screen.print("This log cannot weigh, so the mass is withheld. Failed:")
-    lost = [c for c in checks if c["passed"] is False and c["about"] == "inertia"]
     screen.print(_checks([*failed, *lost] if not weighs else checks))
-    if lost:
+    spins = any(check["about"] == "inertia" for check in checks)
+    if spins and not answer["verdict"]["tells_inertia"]:
         screen.print("The spins tell no inertia: it is withheld.")
     if answer["recording"]:
         screen.print(f"recording: {answer['recording']}", markup=False, soft_wrap=True)

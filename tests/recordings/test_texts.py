@@ -4,6 +4,7 @@ import polars as pl
 
 from analysis import Run
 from analysis.run import Loss
+from recordings.planar_text import planar_lines
 from recordings.texts import headline, number, plus_minus, recording_name, summary, texts
 
 
@@ -89,6 +90,13 @@ def test_the_centre_of_mass_is_told_with_its_deviation_and_what_the_motion_deter
     assert line in summary(drives(60.0))
     assert "together only mass_kg - 5 first_moment_y_kg_m" in written["planar"]
     assert "| arc | 5.00 – 9.00 |" in written["planar"]
+
+
+def test_a_centre_of_mass_behind_and_to_the_right_is_told_without_a_sign():
+    row = {"com_x_m": -0.2, "com_x_std_m": 0.01, "com_y_m": -0.05, "com_y_std_m": 0.01}
+    told = planar_lines([{"kind": "joint", "withheld": False, **row}])
+    where = "0.200 ± 0.010 m behind the origin, 0.050 ± 0.010 m to its right"
+    assert told == [f"centre of mass from all motion together: {where}"]
 
 
 def test_a_withheld_centre_of_mass_has_no_number(drives):
