@@ -16,7 +16,16 @@ from estimators.trace import Floats, Ints, Trace
 
 @dataclass(frozen=True, slots=True)
 class PooledOptions:
-    """Pooled least squares has nothing to choose."""
+    """What is known of the regressor's own noise.
+
+    Attributes:
+        noise_A: r.m.s. noise of each column as it is in A. Noise in a column draws its parameter
+            towards zero; with it, what n samples of noise add to AᵀA is taken off again (Fuller,
+            Measurement Error Models, 1987), and half of what that changes is counted as
+            uncertainty. None takes A as exact, which is ordinary least squares.
+    """
+
+    noise_A: tuple[float, ...] | None = None
 
 
 @njit(cache=True)
@@ -48,20 +57,25 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         A: (n, p) regressor; rows with a negative segment_id may be NaN.
         f: (n,) force.
         segment_id: (n,) the segment that each sample is pooled into, negative for none.
-        options: none to choose.
+        options: noise of the columns, where it is known.
 
     Returns:
         A row a segment, in ascending order of segment_id; `index` is its last pooled sample.
         A segment whose samples do not determine θ has NaN.
     """
-    del options
+    noise = (options or PooledOptions()).noise_A
     p = A.shape[1]
     used = segment_id >= 0
     ids = np.unique(segment_id[used]).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
     G, h, first, last = _grams(A, f, segment_id, ids)
-    theta = np.stack([solve_spd(G[row], h[row]) for row in range(ids.size)])
+    counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
+    ordinary = np.stack([solve_spd(G[row], h[row]) for row in range(ids.size)])
+    clean, theta = G, ordinary
+    if noise is not None:
+        clean = G - counts[:, None, None] * np.diag(np.square(noise))
+        theta = np.stack([solve_spd(clean[row], h[row]) for row in range(ids.size)])
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
@@ -69,11 +83,12 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     group = np.full(f.size, -1, np.int64)
     group[used] = np.where(solved[row_of], segment_id[used], -1)
     correlation, _ = pooled_autocorrelation(residual, group, p)
-    counts = np.bincount(row_of, minlength=ids.size).astype(float)
     rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        std[row] = deviations(G[row], B, rss[row], counts[row])
+        std[row] = deviations(clean[row], B, rss[row], counts[row])
+    if noise is not None:
+        std = np.hypot(std, (theta - ordinary) / 2.0)
     condition = np.array([condition_number(g) for g in G])
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)
