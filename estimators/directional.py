@@ -40,8 +40,8 @@ def feed(
     theta: Floats,
     P: Floats,
     sums: tuple[float, float],
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Steps over the union of the windows in index; θ, r.m.s., P⁻¹ and residuals."""
+) -> tuple[Floats, Floats, Floats, Floats, tuple[Floats, float, float]]:
+    """Steps over the union of the windows in index; θ, r.m.s., P⁻¹, residuals and what is kept."""
     rows = index.size
     p = theta.size
     square, weight = sums
@@ -68,7 +68,7 @@ def feed(
         out[row] = theta
         rms[row] = np.sqrt(max(square, 0.0) / weight)
         information[row] = inverse_spd(P)
-    return out, rms, information, residual
+    return out, rms, information, residual, (P, square, weight)
 
 
 @compiled

@@ -14,8 +14,8 @@ from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
 from estimators.linear import at, condition_numbers, lstsq
-from estimators.normal import normal_equations, residual_squares, solve_products, store
-from estimators.reweighted import reweigh, reweighting
+from estimators.normal import Normal, normal_equations, residual_squares, solve_products, store
+from estimators.reweighted import Reweighting, reweigh, reweighting
 from estimators.rolling import sum_windows, window_ends, workspace
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
@@ -81,15 +81,33 @@ def _solve_windows(
         m = end - row
         condition_numbers(work.products, p + 1, p, m, condition[row:end])
         solve_products(work.products, m, normal)
-        ff = work.products[at(p, p, p + 1)]
-        for k in range(m):
-            # fᵀf less what is explained knows no residual below its own rounding
-            square = max(normal.rss[k], _ROUNDING * ff[k])
-            limit[k] = floor * np.sqrt(square / window)
-        reweigh(work.z, window, index, row, end, limit, True, normal.x, weighted)
+        weigh(work.z, work.products, window, index, row, end, floor, normal, limit, weighted)
         residual_squares(work.products, weighted.normal.x, m, rss[row:end])
         store(weighted.normal.x, work.products, row, m, theta, grams)
         row = end
+
+
+@compiled
+def weigh(
+    z: Floats,
+    products: Floats,
+    window: int,
+    index: Ints,
+    row: int,
+    end: int,
+    floor: float,
+    normal: Normal,
+    limit: Floats,
+    out: Reweighting,
+) -> None:
+    """Solve windows row … end - 1 once more, with the guarded weights of their OLS residuals."""
+    p = normal.x.shape[0]
+    ff = products[at(p, p, p + 1)]
+    for k in range(end - row):
+        # fᵀf less what is explained knows no residual below its own rounding
+        square = max(normal.rss[k], _ROUNDING * ff[k])
+        limit[k] = floor * np.sqrt(square / window)
+    reweigh(z, window, index, row, end, limit, True, normal.x, out)
 
 
 def trace(

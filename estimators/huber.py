@@ -82,9 +82,7 @@ def _solve_windows(
     kept: Floats,
     squares: Floats,
 ) -> None:
-    """θ (rows, p), AᵀA (rows, entries) packed, and (rows,) each: RSS, condition, clipping limit,
-    mean ψ' and the sum of squared pseudo-residuals.
-    """
+    """θ (rows, p), AᵀA (rows, entries) packed; the others, (rows,), as in `Robust`."""
     p = A.shape[1]
     work = workspace(p + 1, window)
     normal = normal_equations(p, window)

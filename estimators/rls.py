@@ -244,7 +244,7 @@ def _along_samples(
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     sums = (begin.square, begin.weight)
-    theta, rms, R, residual = directional.feed(
+    theta, rms, R, residual, _ = directional.feed(
         A, f, window, index, forgetting, begin.theta, begin.P, sums
     )
     residual[first] = f[first] - A[first] @ begin.theta

@@ -68,6 +68,12 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
     return RtlsState(_theta(C, scale), C, options.forgetting * state.weight + 1.0)
 
 
+def unscaled(state: RtlsState, options: RtlsOptions) -> Floats:
+    """The discounted Gram matrix (p+1, p+1) of [A f] in its own units."""
+    units = np.append(options.noise.scales(len(state.theta)), 1.0)
+    return state.C * np.outer(units, units)
+
+
 @compiled
 def _theta(C: Floats, scale: Floats) -> Floats:
     """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
@@ -157,7 +163,7 @@ def trace(
     entries = p * (p + 1) // 2
     bread, meats, white = (np.empty((rows, entries)) for _ in range(3))
     fed, seen = fed_samples(index, window)
-    past = packed(begin.C * np.outer(np.append(scale, 1.0), np.append(scale, 1.0)))
+    past = packed(unscaled(begin, options))
     decay = options.forgetting
     _feed(A, f, fed, seen, scale, decay, past, begin.weight, theta, rms, condition, bread)
     residual, owner = _residuals(A, f, theta, index, window)
