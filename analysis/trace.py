@@ -1,5 +1,7 @@
 """Run the chosen estimators over the accepted windows."""
 
+from typing import NamedTuple
+
 import polars as pl
 
 from analysis.regressor import Axis, X, axes, pooled_options, regressor, trace_columns
@@ -8,6 +10,30 @@ from analysis.segments import pooled_samples
 from analysis.settings import Settings
 from estimators import fgls, huber, ls, pooled, rls, rtls, tls
 from estimators.trace import Ints, Trace
+
+
+class Options(NamedTuple):
+    """Of each method that has any."""
+
+    rls: rls.RlsOptions
+    fgls: fgls.FglsOptions
+    tls: tls.TlsOptions
+    rtls: rtls.RtlsOptions
+    huber: huber.HuberOptions
+    pooled: pooled.PooledOptions
+
+
+def options_of(axis: Axis, settings: Settings) -> Options:
+    """What the settings ask of each method on an axis."""
+    noise = tls_noise(axis, settings)
+    return Options(
+        rls.RlsOptions(settings.forgetting, settings.directional_forgetting),
+        fgls.FglsOptions(settings.fgls_floor),
+        noise,
+        rtls.RtlsOptions(noise, settings.forgetting),
+        huber.HuberOptions(settings.huber_bend),
+        pooled_options(axis, settings),
+    )
 
 
 def trace(
@@ -38,28 +64,25 @@ def _traces(
     A, f = regressor(axis, excitation, settings)
     window = settings.window_samples
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
-    noise = tls_noise(axis, settings)
+    options = options_of(axis, settings)
     traces: dict[str, Trace] = {}
     for method in settings.methods:
         match method:
             case "ls":
                 traced = ls.trace(A, f, window, accepted)
             case "rls":
-                memory = rls.RlsOptions(settings.forgetting, settings.directional_forgetting)
-                traced = rls.trace(A, f, window, accepted, memory)
+                traced = rls.trace(A, f, window, accepted, options.rls)
             case "fgls":
-                traced = fgls.trace(A, f, window, accepted, fgls.FglsOptions(settings.fgls_floor))
+                traced = fgls.trace(A, f, window, accepted, options.fgls)
             case "tls":
-                traced = tls.trace(A, f, window, accepted, noise)
+                traced = tls.trace(A, f, window, accepted, options.tls)
             case "rtls":
-                past = rtls.RtlsOptions(noise, settings.forgetting)
-                traced = rtls.trace(A, f, window, accepted, past)
+                traced = rtls.trace(A, f, window, accepted, options.rtls)
             case "huber":
-                bend = huber.HuberOptions(settings.huber_bend)
-                traced = huber.trace(A, f, window, accepted, bend)
+                traced = huber.trace(A, f, window, accepted, options.huber)
             case "pooled":
                 ids = pooled_samples(excitation, gated, settings, axis)
-                traced = pooled.trace(A, f, ids, pooled_options(axis, settings))
+                traced = pooled.trace(A, f, ids, options.pooled)
         traces[method] = traced
     return traces
 

@@ -6,10 +6,11 @@ Where windows slide over one start again and again, this uses every sample once.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import condition_number, solve_spd
+from estimators.compiled import compiled
+from estimators.linear import at, condition_numbers
+from estimators.normal import normal_equations, solve_products
 from estimators.sandwich import deviations, meat
 from estimators.trace import Floats, Ints, Trace
 
@@ -28,26 +29,46 @@ class PooledOptions:
     noise_A: tuple[float, ...] | None = None
 
 
-@njit(cache=True)
-def _grams(A: Floats, f: Floats, segment_id: Ints, ids: Ints) -> tuple[Floats, Floats, Ints, Ints]:
-    """AᵀA, Aᵀf, first and last sample of each segment in `ids` (ascending)."""
+@compiled
+def _sums(A: Floats, f: Floats, segment_id: Ints, ids: Ints) -> tuple[Floats, Ints, Ints]:
+    """Packed products of the columns of [A f], (entries, ids), first and last sample of each id."""
     p = A.shape[1]
-    G = np.zeros((ids.size, p, p))
-    h = np.zeros((ids.size, p))
+    products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
     first = np.full(ids.size, -1, np.int64)
     last = np.full(ids.size, -1, np.int64)
+    row = 0
     for k in range(f.size):
-        if segment_id[k] < 0:
-            continue
-        row = np.searchsorted(ids, segment_id[k])
-        if first[row] < 0:
-            first[row] = k
-        last[row] = k
-        for i in range(p):
-            h[row, i] += A[k, i] * f[k]
-            for c in range(p):
-                G[row, i, c] += A[k, i] * A[k, c]
-    return G, h, first, last
+        if segment_id[k] >= 0:
+            if ids[row] != segment_id[k]:
+                row = np.searchsorted(ids, segment_id[k])
+            if first[row] < 0:
+                first[row] = k
+            last[row] = k
+            add_sample(A[k], f[k], products[:, row])
+    return products, first, last
+
+
+@compiled
+def add_sample(a: Floats, f: float, products: Floats) -> None:
+    """Add one sample's products to a packed sum (entries,)."""
+    p = a.size
+    for i in range(p):
+        for j in range(i, p):
+            products[at(i, j, p + 1)] += a[i] * a[j]
+        products[at(i, p, p + 1)] += a[i] * f
+    products[at(p, p, p + 1)] += f * f
+
+
+@compiled
+def solve_sums(products: Floats) -> tuple[Floats, Floats]:
+    """θ (ids, p) and condition (ids,) of packed sums (entries, ids); NaN where singular."""
+    entries, ids = products.shape
+    p = int(np.sqrt(2 * entries)) - 1
+    normal = normal_equations(p, ids)
+    solve_products(products, ids, normal)
+    condition = np.empty(ids)
+    condition_numbers(products, p + 1, p, ids, condition)
+    return normal.x.T.copy(), condition
 
 
 def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None) -> Trace:
@@ -69,13 +90,14 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     ids = np.unique(segment_id[used]).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
-    G, h, first, last = _grams(A, f, segment_id, ids)
+    products, first, last = _sums(A, f, segment_id, ids)
     counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
-    ordinary = np.stack([solve_spd(G[row], h[row]) for row in range(ids.size)])
-    clean, theta = G, ordinary
+    ordinary, condition = solve_sums(products)
+    theta = ordinary
     if noise is not None:
-        clean = G - counts[:, None, None] * np.diag(np.square(noise))
-        theta = np.stack([solve_spd(clean[row], h[row]) for row in range(ids.size)])
+        for i in range(p):
+            products[at(i, i, p + 1)] -= counts * noise[i] ** 2
+        theta, _ = solve_sums(products)
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
@@ -87,8 +109,16 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        std[row] = deviations(clean[row], B, rss[row], counts[row])
+        std[row] = deviations(_gram(products[:, row], p), B, rss[row], counts[row])
     if noise is not None:
         std = np.hypot(std, (theta - ordinary) / 2.0)
-    condition = np.array([condition_number(g) for g in G])
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)
+
+
+def _gram(products: Floats, p: int) -> Floats:
+    """AᵀA (p, p) from a packed sum."""
+    G = np.empty((p, p))
+    for i in range(p):
+        for j in range(i, p):
+            G[i, j] = G[j, i] = products[at(i, j, p + 1)]
+    return G
