@@ -110,8 +110,6 @@ def trace(
         return Trace.empty(A.shape[1])
     first, grams, _, condition = ls.solve_windows(A, f, window, index)
     theta, rss = _reweigh(A, f, window, index, first, options.floor)
-    correlation, _ = pooled_autocorrelation(
-        *ls.window_residuals(A, f, theta, index, window), A.shape[1]
-    )
+    correlation, _ = pooled_autocorrelation(*ls.window_residuals(A, f, theta, index, window), A)
     std = window_deviations(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -161,6 +161,6 @@ def trace(
     solved = np.flatnonzero(np.isfinite(theta[:, 0]))
     row = solved[owner[used]]
     residual[used] = np.clip(residual[used], -limit[row], limit[row]) / kept[row]
-    correlation, _ = pooled_autocorrelation(residual, owner, p)
+    correlation, _ = pooled_autocorrelation(residual, owner, A)
     std = window_deviations(A, grams, squares, index, window, correlation)
     return Trace(index, theta, std, rms, condition, correlation)

@@ -11,6 +11,7 @@ from numba import njit
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import condition_number, solve_spd
 from estimators.sandwich import deviations, meat
+from estimators.student import widening
 from estimators.trace import Floats, Ints, Trace
 
 
@@ -68,12 +69,13 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     solved = np.isfinite(theta[:, 0])
     group = np.full(f.size, -1, np.int64)
     group[used] = np.where(solved[row_of], segment_id[used], -1)
-    correlation, _ = pooled_autocorrelation(residual, group, p)
+    correlation, _ = pooled_autocorrelation(residual, group, A)
     counts = np.bincount(row_of, minlength=ids.size).astype(float)
     rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        std[row] = deviations(G[row], B, rss[row], counts[row])
+        known = deviations(G[row], B, rss[row], counts[row])
+        std[row] = known * widening(counts[row], correlation)
     condition = np.array([condition_number(g) for g in G])
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

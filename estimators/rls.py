@@ -13,6 +13,7 @@ from numba import njit
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import condition_number, inverse_spd, lstsq
+from estimators.ls import solve_windows, window_residuals
 from estimators.rolling import window_ends
 from estimators.sandwich import meat
 from estimators.trace import Bools, Floats, Ints, Trace
@@ -127,8 +128,8 @@ def _feed(
     theta: Floats,
     P: Floats,
     sums: tuple[float, float],
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Steps over the union of the windows in index; θ, r.m.s., condition of P⁻¹ and residuals."""
+) -> tuple[Floats, Floats, Floats]:
+    """Steps over the union of the windows in index; θ, r.m.s. and condition of P⁻¹."""
     rows = index.size
     p = theta.size
     forgetting, directional = options
@@ -136,7 +137,6 @@ def _feed(
     out = np.empty((rows, p))
     rms = np.empty(rows)
     condition = np.empty(rows)
-    residual = np.full(f.size, np.nan)
     theta = theta.copy()
     P = P.copy()
     for row in range(rows):
@@ -152,11 +152,10 @@ def _feed(
                 after -= A[k, c] * theta[c]
             square = forgetting * square + error * after
             weight = forgetting * weight + 1.0
-            residual[k] = after
         out[row] = theta
         rms[row] = np.sqrt(max(square, 0.0) / weight)
         condition[row] = condition_number(inverse_spd(P))
-    return out, rms, condition, residual
+    return out, rms, condition
 
 
 @njit(cache=True)
@@ -259,13 +258,12 @@ def trace(
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
     how = (options.forgetting, options.directional)
-    theta, rms, condition, residual = _feed(
+    theta, rms, condition = _feed(
         A, f, window, index, how, begin.theta, begin.P, (begin.square, begin.weight)
     )
-    residual[first] = f[first] - A[first] @ begin.theta
-    fed = np.isfinite(residual)
-    # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, np.where(fed, 0, -1), 0)
+    # of windows fitted by themselves: what the recursion takes out of its own is not known
+    least, _, _, _ = solve_windows(A, f, window, index)
+    correlation, variance = pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
     B = meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)

@@ -189,7 +189,7 @@ def trace(
     )
     residual, fed = _residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, fed, 0)
+    correlation, variance = pooled_autocorrelation(residual, fed, None)
     std = _deviations(A, window, index, options.forgetting, bread, correlation)
     std = std * np.sqrt(variance)
     theta = np.where(np.isnan(std), np.nan, theta)

@@ -1,7 +1,8 @@
 """Standard deviations under correlated residuals: G⁻¹ (Aᵀ R A) G⁻¹ s², R from pooled lags.
 
 The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
-for correlated residuals as well. R = I gives the textbook formula.
+for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
+widens the deviation, so that 1.96 of it are 95 % (`estimators.student`).
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ from numba import njit
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import inverse_spd
 from estimators.rolling import window_sums
+from estimators.student import widening
 from estimators.trace import Floats, Ints
 
 
@@ -69,9 +71,10 @@ def window_deviation(
     """
     one = np.zeros(residual.size, np.int64)
     if autocorrelation is None:
-        autocorrelation, _ = pooled_autocorrelation(residual, one, A.shape[1])
+        autocorrelation, _ = pooled_autocorrelation(residual, one, A)
     B = meat(A, one, 0, 0, residual.size - 1, autocorrelation)
-    return deviations(gram, B, float(residual @ residual), float(residual.size))
+    std = deviations(gram, B, float(residual @ residual), float(residual.size))
+    return std * widening(residual.size, autocorrelation)
 
 
 @njit(cache=True)
@@ -135,7 +138,6 @@ def window_meats(A: Floats, index: Ints, window: int, correlation: Floats) -> Fl
     return out
 
 
-@njit(cache=True)
 def window_deviations(
     A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
 ) -> Floats:
@@ -152,6 +154,15 @@ def window_deviations(
     Returns:
         (rows, p) standard deviations.
     """
+    std = _window_deviations(A, grams, rss, index, window, correlation)
+    return std * widening(window, correlation)
+
+
+@njit(cache=True)
+def _window_deviations(
+    A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
+) -> Floats:
+    """The same, as if the scale of each window were known."""
     meats = window_meats(A, index, window, correlation)
     out = np.empty((index.size, A.shape[1]))
     for row in range(index.size):

@@ -145,7 +145,7 @@ def trace(
     if index.size == 0:
         return Trace.empty(p)
     theta, grams, rss, condition = _solve_windows(A, f, window, index, options.scales(p))
-    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), p)
+    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), A)
     std = window_deviations(A, grams, rss, index, window, correlation)
     theta = np.where(np.isnan(std), np.nan, theta)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)
