@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 from analysis import Machine
 from analysis.align import align
 from analysis.forces import forces
-from analysis.simulation import Scenario, SimulatedLog
+from analysis.run import Provenance, Run
+from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from analysis.smooth import smooth
 
 
@@ -69,3 +70,20 @@ def cut(frame: pl.DataFrame, log: SimulatedLog, runs: int) -> Iterator[pl.DataFr
         begin = t_ns.search_sorted(first * period_ns)
         # the next run begins with a standstill, which ends the last braking
         yield frame.slice(begin, round((runs * period_ns * 1e-9 + 0.5) * rate))
+
+
+def joined(*plans: Scenario, machine: Machine) -> tuple[Run, pl.DataFrame]:
+    """All plans' logs on one time line, load by load: a run of `excitation`, and the true runs."""
+    frames: list[pl.DataFrame] = []
+    truths: list[pl.DataFrame] = []
+    campaigns = [simulate_campaign(plan) for plan in plans]
+    ends_ns = 0
+    for log in (log for logs in zip(*campaigns, strict=True) for log in logs):
+        start_ns = log.runs["start_ns"][0]
+        frame = excitation(log, machine).with_columns(pl.col("t_ns") + ends_ns)
+        truths.append(log.runs.with_columns(pl.col("start_ns", "end_ns") + (ends_ns - start_ns)))
+        # a row without anything is the gap between two logs
+        hole = frame.clear(1).with_columns(t_ns=frame["t_ns"].last() + 10_000_000)
+        frames += [frame, hole]
+        ends_ns = hole["t_ns"][0] + 60_000_000_000
+    return Run({"excitation": pl.concat(frames)}, Provenance()), pl.concat(truths)
