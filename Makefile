@@ -44,7 +44,7 @@ campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
 	$(BIN)/python benchmarks/campaign.py
 
 coverage: $(TEST_STAMP) ## how often 95 % intervals contain the truth, into the documentation (fifteen minutes)
-	$(BIN)/python benchmarks/coverage.py --write
+	$(BIN)/python benchmarks/intervals.py --write
 
 forgetting: $(TEST_STAMP) ## which λ to forget with, into the documentation (four minutes)
 	$(BIN)/python benchmarks/forgetting.py --write

@@ -1,6 +1,6 @@
 """How often nominal 95 % intervals contain the truth, over simulated starts with coloured noise.
 
-    python benchmarks/coverage.py [--starts 2100] [--write]
+    python benchmarks/intervals.py [--starts 2100] [--write]
 
 One long log of starts is simulated a noise and cut into logs of one, three or thirty; each goes
 through the stages by itself. `--write` puts the table into docs/what-a-mass-is-worth.md.
