@@ -1,6 +1,6 @@
 """The three gates compared, at their defaults and where they accept equally much.
 
-    python benchmarks/gates.py [--seeds 8] [--write]
+    python benchmarks/gates.py [--seeds 4] [--write]
 
 A candidate is a window that nothing but the gate refuses. Each gate ranks the same candidates by
 its own number; `none` takes them all. `--write` puts the tables into docs/gates.md.
@@ -153,7 +153,7 @@ def cost() -> str:
     return markdown(["gate", "µs a window"], rows)
 
 
-def main(seeds: int = 8, write: bool = False) -> None:
+def main(seeds: int = 4, write: bool = False) -> None:
     tables: list[str] = []
     for situation in SITUATIONS:
         tables.append(f"**{situation.capitalize()}**\n\n{compare(situation, seeds)}")
