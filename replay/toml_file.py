@@ -40,6 +40,14 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
         raise error(f"{path}: is no TOML: {fault}") from None
 
 
+def read_value(text: str) -> Any:
+    """A value as TOML writes it; a bare word is text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
 def validate(
     path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
 ) -> _Model:
