@@ -25,8 +25,8 @@ class TorqueChain:
         offset_N: of it, as the force that (17) makes of both torques.
     """
 
-    empty_share_1: float = 0.4
-    load_lever_1: float = 2.65
+    empty_share_1: float = 0.39
+    load_lever_1: float = 2.55
     gain_1: float = 2.9
     offset_N: float = -3500.0
 
