@@ -4,7 +4,7 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 
-.PHONY: demo test lint types tests docs campaign lock clean help
+.PHONY: demo test lint types tests docs campaign reproduction lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -42,6 +42,9 @@ docs: $(TEST_STAMP) ## run the documentation's commands and write down what come
 
 campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
 	$(BIN)/python benchmarks/campaign.py
+
+reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (ten minutes)
+	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \

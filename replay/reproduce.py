@@ -6,17 +6,17 @@ from typing import Final
 import polars as pl
 
 from analysis.calibrate import calibrate
-from analysis.machine import Machine
-from analysis.reproduction import claims, figures, paper, tables
+from analysis.machine import Channel, Machine
+from analysis.reproduction import claims, excitation_figures, figures, paper, tables
 from analysis.reproduction.campaign import Campaign, errors, judged_anew, run_bound_kg
 from analysis.reproduction.claims_item import WINDOW_S, claims_item
-
-# TMPfrom analysis.reproduction.drive import steady_drive
+from analysis.reproduction.excitation import excited, steady_drive
 from analysis.reproduction.item import Item
-from analysis.reproduction.table1 import table_1
+from analysis.reproduction.table1 import raw_units, table_1
 from analysis.reproduction.table1_findings import table_1_item
 from analysis.reproduction.torque_chain import TorqueChain, through
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
+from analysis.simulation.waveforms import ForceWave, TorqueWave
 from replay.demo import seeded
 from replay.machine import load_machine
 from replay.memory_log import MemoryLog, reading_memory
@@ -59,9 +59,10 @@ def reproduce(
     windows = pl.DataFrame()
     if {"table1", "claims"} & set(wanted):
         on_stage("windows")
+        drive, sensors = steady_drive(scenario), scenario.sensors
         lengths = tuple(paper.TABLE_1_KG) if "table1" in wanted else (WINDOW_S,)
-        windows = table_1(steady_drive(scenario), scenario.sensors, trials, windows_s=lengths)
-        found["table1"] = table_1_item(windows)
+        windows = table_1(drive, sensors, trials, windows_s=lengths)
+        found["table1"] = table_1_item(windows, raw_units(drive, sensors, trials))
     rows: dict[str, list[pl.DataFrame]] = {}
     for number in range(campaigns if set(_OF_CAMPAIGNS) & set(wanted) else 0):
         on_stage(f"campaign {number + 1}")
@@ -78,6 +79,15 @@ def reproduce(
         found["fig6"] = figures.fig_6_item(seen["loads"])
         found["fig7"] = figures.fig_7_item(seen["loads"])
         found["fig8"] = figures.fig_8_item(seen["loads"])
+    if {"fig2", "fig3"} & set(wanted):
+        on_stage("linear motion")
+        linear = replay_simulated(excited(scenario, force=ForceWave(), torque=None), machine)
+        found["fig2"] = excitation_figures.fig_2_item(linear)
+        found["fig3"] = excitation_figures.fig_3_item(linear)
+    if "fig4" in wanted:
+        on_stage("rotation")
+        spun = excited(scenario, force=None, torque=TorqueWave())
+        found["fig4"] = excitation_figures.fig_4_item(replay_simulated(spun, _turning(machine)))
     if "fig5" in wanted:
         on_stage("figure 5")
         found["fig5"] = figures.fig_5_item(replay_simulated(_short(scenario), machine))
@@ -93,6 +103,8 @@ def work(wanted: Collection[str], *, trials: int, campaigns: int) -> int:
     return (
         bool({"table1", "claims"} & of)
         + bool(set(_OF_CAMPAIGNS) & of) * campaigns
+        + bool({"fig2", "fig3"} & of)
+        + ("fig4" in of)
         + ("fig5" in of)
         + ("claims" in of) * _cruise_count(trials)
     )
@@ -172,6 +184,12 @@ def _over(campaign: Campaign, setting: str, values: Collection[float]) -> pl.Dat
             )
         )
     return pl.concat(frames)
+
+
+def _turning(machine: Machine) -> Machine:
+    """The machine with a yaw acceleration, for rotational motions."""
+    channels = {**machine.channels, "yaw_acc_rad_s2": Channel(derive="d/dt yaw_rate_rad_s")}
+    return machine.model_copy(update={"channels": channels})
 
 
 def _short(scenario: Scenario) -> Scenario:

@@ -5,6 +5,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibrate import run_errors
+from analysis.gate import gate
 from analysis.reproduction.campaign import Campaign, accepting
 from analysis.settings import Settings
 
@@ -21,11 +22,11 @@ def fed(campaign: Campaign, how: str, settings: Settings) -> Campaign:
     """The campaign with the windows accepted that `how` (of `FED`) says.
 
     Args:
-        campaign: replayed with its gate.
+        campaign: replayed.
         how: what the estimators are fed.
-        settings: which estimators, and how they forget.
+        settings: the gate, which estimators, and how they forget.
     """
-    gated = campaign.replayed.frames["gate"]
+    gated = gate(campaign.replayed.frames["excitation"], settings)
     if how != "gated":
         refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")
         gated = gated.with_columns(accepted_x=~pl.col("reason_x").cast(pl.String).is_in(refused))

@@ -101,9 +101,9 @@ def fig_6_item(loads: pl.DataFrame) -> Item:
         table.drop("paper_alpha_1", "paper_beta_kg"),
         (
             f"With an ideal torque chain raw means are within {bias:.0f} kg of the truth before "
-            f"any calibration. Table 2 implies raw LS masses from {first[0]:,.0f} to {last[0]:,.0f} kg "
-            "for a machine of 3614 to 3864 kg: the paper's torque chain, not its estimators, is "
-            "what its calibration corrects.",
+            f"any calibration. Table 2 implies raw LS masses from {first[0]:,.0f} to "
+            f"{last[0]:,.0f} kg for a machine of 3614 to 3864 kg: the paper's torque "
+            "chain, not its estimators, is what its calibration corrects.",
             _NO_NUMBERS,
         ),
     )

@@ -44,3 +44,8 @@ def listed(words: Iterable[str]) -> str:
     """Words as a sentence lists them."""
     *first, last = words
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def percent(share: float, digits: int = 0) -> str:
+    """A share as a sentence says it."""
+    return f"{100.0 * share:.{digits}f} %"

@@ -84,6 +84,12 @@ def table_1(
     return pl.DataFrame(rows, schema_overrides={"paper_kg": pl.Float64})
 
 
+def raw_units(drive: SteadyDrive, sensors: SimulatedSensors, trials: int) -> pl.DataFrame:
+    """`table_1` at 2 s and a noise under which total least squares needs scaled columns."""
+    noisier = sensors.model_copy(update={"force_noise_N": 150.0, "acc_noise_m_s2": 0.03})
+    return table_1(drive, noisier, trials, windows_s=(2.0,), methods=("tls", "tls_raw"))
+
+
 def _trials(
     drive: SteadyDrive,
     sensors: SimulatedSensors,

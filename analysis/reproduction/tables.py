@@ -8,7 +8,7 @@ import polars as pl
 from analysis.reproduction import paper
 from analysis.reproduction.campaign import ERRORS
 from analysis.reproduction.intervals import mean_intervals
-from analysis.reproduction.item import NAMES, Item, listed, lowest
+from analysis.reproduction.item import NAMES, Item, listed, lowest, percent
 from analysis.reproduction.torque_chain import TorqueChain
 
 #: What is held fixed in Tables 3 and 4: section 4.3's values, which are also the defaults.
@@ -48,11 +48,11 @@ def table_2_item(fits: pl.DataFrame, chain: TorqueChain) -> Item:
             _CAMPAIGN,
             "The fit is on the means of each load's nine runs.",
             "The second set of columns is a what-if: sensors on the front wheels, which carry "
-            f"{chain.empty_share_1:.0%} of the empty machine and, of a load "
+            f"{percent(chain.empty_share_1)} of the empty machine and, of a load "
             f"{chain.load_lever_1 - 1:.2f} wheelbases ahead of the front axle, "
-            f"{chain.load_lever_1:.0%}; a torque gain of {chain.gain_1:g} and an offset of "
-            f"{chain.offset_N / 1e3:g} kN; (17) without a share, as printed. None of the four is "
-            "in the paper.",
+            f"{percent(chain.load_lever_1)}; a torque gain of {chain.gain_1:g} and an offset of "
+            f"{chain.offset_N / 1e3:g} kN; (17) without a share, as printed. The paper gives none of "
+            "the four.",
         ),
         table,
         (
@@ -63,9 +63,9 @@ def table_2_item(fits: pl.DataFrame, chain: TorqueChain) -> Item:
             f"With the assumed torque chain LS has {through['alpha_1']:.3f} and "
             f"{through['beta_kg']:.0f} kg, the paper {printed_ls['alpha_1']:.3f} and "
             f"{printed_ls['beta_kg']:.0f} kg: plausible, not proven.",
-            f"With so small a slope the offset is {share:.0%} of the calibrated mass: the answer "
-            "is nearly the mean of the reference masses, and nothing outside the loads it was "
-            "fitted on should be read from it.",
+            f"With so small a slope the offset is {percent(share)} of the calibrated mass: the "
+            "answer is nearly the mean of the reference masses, and nothing outside the loads it "
+            "was fitted on should be read from it.",
         ),
     )
 
@@ -176,24 +176,26 @@ def _compare(table: pl.DataFrame, setting: str, unit: str) -> list[str]:
         high = part.filter(pl.col(setting) == best)["run_left_out_kg_high"][0]
         alike = [at for at, error in errors.items() if high is not None and error <= high]
         chance = (
-            f"within the interval of the best: {listed(f'{at:g}' for at in alike)}"
+            f"alike within the interval of the best: {listed(f'{at:g}' for at in alike)}"
             if len(alike) < len(errors)
             else "all within the interval of the best"
         )
         sentences.append(
             f"{NAMES[str(method)]} is smallest at {best:g} {unit} ({errors[best]:.1f} kg) and "
-            f"largest at {worst:g} {unit} ({errors[worst]:.1f} kg), {chance}"
+            f"largest at {worst:g} {unit} ({errors[worst]:.1f} kg; {chance})"
         )
-    return [f"Ours, own load left out: {'. '.join(sentences)}."]
+    return [f"Ours, own load left out: {'; '.join(sentences)}."]
 
 
 def _memory(table: pl.DataFrame) -> list[str]:
     """RLS beside the bound of one run."""
-    rls = table.filter(pl.col("method") == "rls")
-    pooled = table.filter(pl.col("method") == "pooled")
+    nearest = {
+        method: table.filter(pl.col("method") == method).select(pl.col("over_bound_1").min()).item()
+        for method in ("pooled", "rls")
+    }
     return [
-        f"Pooled LS comes within {pooled['over_bound_1'].min() - 1:.0%} of the bound of one run. "
-        f"RLS ({rls['over_bound_1'].min():.2f} times the bound) is not held to it: it remembers "
+        f"Pooled LS comes to {nearest['pooled']:.2f} times the bound of one run. "
+        f"RLS ({nearest['rls']:.2f} times the bound) is not held to it: it remembers "
         "the runs before, which had the same load but for the first of nine."
     ]
 
@@ -204,6 +206,6 @@ def _constant(table: pl.DataFrame) -> list[str]:
     assert isinstance(best, float)
     return [
         f"For scale: a prediction that ignores every measurement is wrong by {constant_kg:.0f} kg "
-        f"({constant_kg / paper.MASS_KG:.1%} of the machine); our best {best:.1f} kg is "
-        f"{best / paper.LOAD_RANGE_KG:.1%} of the payload range."
+        f"({percent(constant_kg / paper.MASS_KG, 1)} of the machine); our best {best:.1f} kg is "
+        f"{percent(best / paper.LOAD_RANGE_KG, 1)} of the payload range."
     ]

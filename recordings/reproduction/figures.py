@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 
 from analysis.reproduction.item import NAMES, Item
+from analysis.reproduction.tables import THRESHOLD_NAT
 from recordings import colours
 
 if TYPE_CHECKING:
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
 _WIDTH_IN: Final = 8.0
 _PANEL_IN: Final = 1.6
 _DPI: Final = 110
+_MOTION: Final = {
+    "force_x_N": "force $f_x$ (kN)",
+    "regressor_acc_x_m_s2": "acceleration (m/s²)",
+    "speed_x_m_s": "speed (m/s)",
+}
 
 
 def draw(item: Item, path: Path) -> None:
@@ -34,24 +40,62 @@ def draw(item: Item, path: Path) -> None:
     figure.savefig(path, dpi=_DPI, format="png")
 
 
+def _fig_2(figure: "Figure", series: pl.DataFrame) -> None:
+    _stacked(figure, series, _MOTION)
+
+
+def _fig_3(figure: "Figure", series: pl.DataFrame) -> None:
+    _traces(
+        figure,
+        series,
+        ("mass_kg", "mass_std_kg", "true_mass_kg", "mass (kg)"),
+        ("friction_x_N_s_m", "friction_x_std_N_s_m", "true_friction_x_N_s_m", "friction (N·s/m)"),
+    )
+
+
+def _fig_4(figure: "Figure", series: pl.DataFrame) -> None:
+    _traces(
+        figure,
+        series,
+        ("inertia_z_kg_m2", "inertia_z_std_kg_m2", "true_inertia_z_kg_m2", "inertia (kg·m²)"),
+        ("friction_z_N_m_s", "friction_z_std_N_m_s", "true_friction_z_N_m_s", "friction (N·m·s)"),
+    )
+
+
 def _fig_5(figure: "Figure", series: pl.DataFrame) -> None:
-    panels = {
-        "force_x_N": "force $f_x$ (kN)",
-        "regressor_acc_x_m_s2": "acceleration (m/s²)",
-        "speed_x_m_s": "speed (m/s)",
-        "mi_x_nat": "index (11) (nat)",
-    }
-    rows = figure.subplots(len(panels), 1, sharex=True)
+    rows = _stacked(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
+    for axes in rows:
+        _shade(axes, series, "phase", ("accelerating", "braking"))
+    rows[-1].axhline(THRESHOLD_NAT, color="black", lw=0.6, ls=":")
+    rows[0].legend(fontsize=7, loc="upper right")
+
+
+def _stacked(figure: "Figure", series: pl.DataFrame, panels: dict[str, str]) -> list["Axes"]:
+    """A panel a column, one above the other."""
+    rows = list(figure.subplots(len(panels), 1, sharex=True))
     t_s = series["t_s"].to_numpy()
     for number, (axes, (column, label)) in enumerate(zip(rows, panels.items(), strict=True)):
         scale = 1e-3 if column.endswith("_N") else 1.0
         values = series[column].fill_null(float("nan")).to_numpy() * scale
         axes.plot(t_s, values, color=colours.line(number), lw=1.0)
         _panel(axes, label)
-        _shade(axes, series, "phase", ("accelerating", "braking"))
-    rows[-1].axhline(0.7, color="black", lw=0.6, ls=":")
     rows[-1].set_xlabel("time (s)", fontsize=8)
-    _legend_of_phases(rows[0])
+    return rows
+
+
+def _traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str, str]) -> None:
+    """Estimates over time with bands of one standard deviation, and the truth."""
+    rows = figure.subplots(len(panels), 1, sharex=True)
+    for axes, (column, std_column, true, label) in zip(rows, panels, strict=True):
+        for (method,), part in series.group_by("method", maintain_order=True):
+            t_s, value, std = (part[c].to_numpy() for c in ("t_s", column, std_column))
+            colour = colours.method(str(method))
+            axes.plot(t_s, value, color=colour, lw=1.0, label=NAMES[str(method)])
+            axes.fill_between(t_s, value - std, value + std, color=colour, alpha=0.15, lw=0)
+        axes.axhline(series[true][0], color="black", lw=0.7, ls=":", label="truth")
+        _panel(axes, label)
+    rows[0].legend(fontsize=7, ncols=5, loc="upper right")
+    rows[-1].set_xlabel("time (s)", fontsize=8)
 
 
 def _fig_6(figure: "Figure", table: pl.DataFrame) -> None:
@@ -150,12 +194,11 @@ def _shade(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, .
         )
 
 
-def _legend_of_phases(axes: "Axes") -> None:
-    axes.legend(fontsize=7, loc="upper right")
-
-
 #: Height in inches and painter of each figure.
 DRAWN: Final[dict[str, tuple[float, Callable[["Figure", pl.DataFrame], None]]]] = {
+    "fig2": (3 * _PANEL_IN, _fig_2),
+    "fig3": (5.0, _fig_3),
+    "fig4": (5.0, _fig_4),
     "fig5": (4 * _PANEL_IN, _fig_5),
     "fig6": (3.0, _fig_6),
     "fig7": (3.0, _fig_7),

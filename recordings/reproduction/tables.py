@@ -15,11 +15,12 @@ _Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Shown:
-    """One table: what it is, its header, its rows."""
+    """One table: what it is, its header, its rows, and how many columns in front are text."""
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
+    texts: int = 1
 
 
 def shown(item: Item) -> list[Shown]:
@@ -126,6 +127,7 @@ def _claims(frame: pl.DataFrame) -> Shown:
         "Each claim as we find it",
         [*header, "of the machine's mass", "of the payload range", "smaller"],
         rows,
+        texts=3,
     )
 
 

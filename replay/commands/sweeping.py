@@ -110,6 +110,9 @@ def _table(
     """A row a combination: what was varied, a cell a method, and more columns."""
     methods = list(dict.fromkeys(method for row in rows for method in row.answer["mass_kg"]))
     table = plain_table(*map(_name, rows[0].over), *methods, *more)
+    if more:
+        # the last is words
+        table.columns[-1].justify = "left"
     for row in rows:
         table.add_row(*row.over.values(), *(cell(row, method) for method in methods), *rest(row))
     return table
