@@ -12,8 +12,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.simulation.motion import Channels, Floats
+from analysis.simulation.motion import Channels
 from analysis.simulation.scenario import Scenario
+from analysis.simulation.waveforms import Floats
 
 #: A stream's number is its place here: append, never insert.
 _STREAMS: Final = (
