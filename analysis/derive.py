@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis import filters
+from analysis import filters, mounting
 from analysis.machine import Channel, Machine
 from analysis.run import Loss
 from analysis.schema import CHANNEL_COLUMNS, HINTS
@@ -54,6 +54,8 @@ def derive(
             x = x * channel.scale + channel.offset
         elif name in HINTS and (channel.topic or "table") not in placed:
             continue
+        elif channel.angle_of:
+            t, x = _angle(name, channel, placed[channel.topic or "table"], machine, losses)
         else:
             t, x = _pick(name, channel, placed[channel.topic or "table"], losses)
             if filtering and name not in _UNFILTERED:
@@ -82,16 +84,50 @@ def derive(
     return frames, losses, notes
 
 
+def _angle(
+    name: str,
+    channel: Channel,
+    frame: pl.DataFrame,
+    machine: Machine,
+    losses: list[Loss],
+) -> tuple[filters.Ints, filters.Floats]:
+    """An angle of the machine from the orientation of its IMU."""
+    assert channel.angle_of is not None
+    angle, quaternion = channel.angle_of
+    parts = np.stack([_numbers(name, channel, field, frame) for field in channel.fields])
+    x = mounting.inclination(parts, machine.machine.imu)[angle]
+    return _usable(name, channel, quaternion, frame, x, losses)
+
+
 def _pick(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
-    """A field in SI units, finite samples alone, one a stamp (the last)."""
-    where = f"{channel.field} of {channel.topic or 'the table'}"
-    field = frame[str(channel.field)]
-    if not (field.dtype.is_numeric() or field.dtype == pl.Boolean or field.dtype == pl.Null):
-        raise DataError(f"{name}: {where} is {field.dtype}, not a number")
+    """A field in SI units."""
+    field = str(channel.field)
+    t, x = _usable(name, channel, field, frame, _numbers(name, channel, field, frame), losses)
+    gain, offset = to_si(channel.unit, _SI[name]) if channel.unit else (1.0, 0.0)
+    return t, (x * channel.scale + channel.offset) * gain + offset
+
+
+def _numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
+    dtype = frame[field].dtype
+    if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
+        where = f"{field} of {channel.topic or 'the table'}"
+        raise DataError(f"{name}: {where} is {dtype}, not a number")
+    return frame[field].cast(pl.Float64).to_numpy()
+
+
+def _usable(
+    name: str,
+    channel: Channel,
+    field: str,
+    frame: pl.DataFrame,
+    x: filters.Floats,
+    losses: list[Loss],
+) -> tuple[filters.Ints, filters.Floats]:
+    """Finite samples alone, one a stamp (the last), when they were measured."""
+    where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
-    x = field.cast(pl.Float64).to_numpy()
     finite = np.isfinite(x)
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
@@ -100,7 +136,7 @@ def _pick(
             Loss(
                 source=name,
                 topic=channel.topic or "",
-                what=f"{int((~finite).sum())} of {x.size} samples of {channel.field} are missing "
+                what=f"{int((~finite).sum())} of {x.size} samples of {field} are missing "
                 "or not finite; they were left out",
             )
         )
@@ -110,15 +146,13 @@ def _pick(
             Loss(
                 source=name,
                 topic=channel.topic or "",
-                what=f"{int((~last).sum())} samples of {channel.field} share a stamp with the "
+                what=f"{int((~last).sum())} samples of {field} share a stamp with the "
                 "next; the last of each was kept",
             )
         )
     t, x = t[finite][last], x[finite][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    gain, offset = to_si(channel.unit, _SI[name]) if channel.unit else (1.0, 0.0)
-    x = (x * channel.scale + channel.offset) * gain + offset
     return t - round(channel.delay_s * 1e9), x
 
 

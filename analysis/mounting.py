@@ -23,6 +23,20 @@ def rotation(imu: ImuMounting) -> Floats:
     return Rz @ Ry @ Rx
 
 
+def inclination(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
+    """`pitch` and `roll` of the machine, each (n,) in rad, from its IMU's orientation (4, n).
+
+    The quaternion (x, y, z, w) turns IMU axes into the world's: x forward, y left, z up (REP-103).
+    Pitch is positive nose-up here. NaN where the quaternion is zero: an IMU that has none.
+    """
+    with np.errstate(invalid="ignore"):
+        x, y, z, w = quaternion / np.linalg.norm(quaternion, axis=0)
+    # the world's vertical in IMU axes, then in those of the machine
+    up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)], -1)
+    up_x, up_y, up_z = (up @ rotation(imu).T).T
+    return {"pitch": np.arcsin(np.clip(up_x, -1.0, 1.0)), "roll": np.arctan2(up_y, up_z)}
+
+
 def to_machine_axes(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
     """Rotate the accelerometer and the gyroscope, and move the accelerometer to the origin.
 

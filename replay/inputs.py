@@ -42,10 +42,10 @@ def read_channels(
     """
     wanted: dict[str, list[str]] = {}
     for channel in machine.channels.values():
-        if channel.field is not None:
+        for field in channel.fields:
             fields = wanted.setdefault(channel.topic or "table", [])
-            if channel.field not in fields:
-                fields.append(channel.field)
+            if field not in fields:
+                fields.append(field)
     losses: list[Loss] = []
     has = {log: set(log.topics()["topic"]) for log in logs}
     raw: dict[str, pl.DataFrame] = {}
@@ -54,7 +54,7 @@ def read_channels(
         filled = [
             name
             for name, channel in machine.channels.items()
-            if channel.field is not None and (channel.topic or "table") == topic
+            if channel.fields and (channel.topic or "table") == topic
         ]
         # what no estimate needs must not stop one
         hint = HINTS.issuperset(filled)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from analysis.machine import ImuMounting
-from analysis.mounting import rotation, to_machine_axes
+from analysis.mounting import inclination, rotation, to_machine_axes
 from estimators.errors import DataError
 
 AXES = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
@@ -96,3 +97,23 @@ def test_the_columns_given_are_left_as_they_were():
     seen = columns(AXES, [[1.0, 2.0, 3.0]])
     to_machine_axes(seen, ImuMounting(yaw_deg=30, position_m=(1.0, 1.0, 0.0)))
     assert [x[0] for x in seen.values()] == [1.0, 2.0, 3.0]
+
+
+@given(*[st.floats(-80, 80)] * 2, st.floats(-180, 180), angles, angles, angles, st.floats(0.1, 10))
+def test_the_machines_pitch_and_roll_whatever_its_heading_and_however_its_imu_sits(
+    nose_down, roll, heading, imu_roll, imu_pitch, imu_yaw, length
+):
+    imu = ImuMounting(roll_deg=imu_roll, pitch_deg=imu_pitch, yaw_deg=imu_yaw)
+    attitude = Rotation.from_euler("ZYX", [heading, nose_down, roll], degrees=True)
+    # from IMU axes to those of the machine, then to the world's
+    seen = (attitude * Rotation.from_matrix(rotation(imu))).as_quat() * length
+    found = inclination(seen[:, None], imu)
+    # REP-103 counts a nose that points down, payscope one that points up
+    np.testing.assert_allclose(found["pitch"], np.deg2rad(-nose_down), atol=1e-7)
+    np.testing.assert_allclose(found["roll"], np.deg2rad(roll), atol=1e-7)
+
+
+def test_an_imu_without_an_orientation_gives_no_angle():
+    found = inclination(np.zeros((4, 2)), ImuMounting())
+    assert np.isnan(found["pitch"]).all()
+    assert np.isnan(found["roll"]).all()
