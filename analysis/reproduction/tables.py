@@ -51,8 +51,8 @@ def table_2_item(fits: pl.DataFrame, chain: TorqueChain) -> Item:
             f"{percent(chain.empty_share_1)} of the empty machine and, of a load "
             f"{chain.load_lever_1 - 1:.2f} wheelbases ahead of the front axle, "
             f"{percent(chain.load_lever_1)}; a torque gain of {chain.gain_1:g} and an offset of "
-            f"{chain.offset_N / 1e3:g} kN; (17) without a share, as printed. The paper gives none of "
-            "the four.",
+            f"{chain.offset_N / 1e3:g} kN; (17) without a share, as printed. The paper gives "
+            "none of the four.",
         ),
         table,
         (
