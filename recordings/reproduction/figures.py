@@ -94,7 +94,7 @@ def _traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str
             axes.fill_between(t_s, value - std, value + std, color=colour, alpha=0.15, lw=0)
         axes.axhline(series[true][0], color="black", lw=0.7, ls=":", label="truth")
         _panel(axes, label)
-    rows[0].legend(fontsize=7, ncols=5, loc="upper right")
+    rows[0].legend(fontsize=7, ncols=5, loc="lower right")
     rows[-1].set_xlabel("time (s)", fontsize=8)
 
 
