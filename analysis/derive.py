@@ -26,7 +26,8 @@ def derive(
 
     Where any channel is differentiated, one zero-phase low-pass (causal by setting) is applied to
     every force and motion channel alike, at its own rate, before any derivative is taken: a filter
-    on one regressor alone biases the mass.
+    on one regressor alone biases the mass. A rotated IMU's axes are turned into the machine's after
+    the filter and before any derivative.
 
     Args:
         placed: by topic: unix_ns and fields; the topic of a hint may be missing.
@@ -40,42 +41,45 @@ def derive(
     losses: list[Loss] = []
     notes: list[str] = []
     filtering = any(channel.derivative_of for channel in machine.channels.values())
-    series: dict[str, tuple[filters.Ints, filters.Floats]] = {}
+    picked: dict[str, mounting.Series] = {}
+    for name, channel in machine.channels.items():
+        topic = channel.topic or "table"
+        if channel.sources or (name in HINTS and topic not in placed):
+            continue
+        if channel.angle_of:
+            t, x = _angle(name, channel, placed[topic], machine, losses)
+        else:
+            t, x = _pick(name, channel, placed[topic], losses)
+        if filtering and name not in _UNFILTERED:
+            rate_hz = 1e9 / filters.period_ns(t)
+            if settings.derivative_cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
+                notes.append(
+                    f"{name}: low-pass of {settings.derivative_cutoff_hz:g} Hz not applied, "
+                    f"its topic has only {rate_hz:.4g} Hz"
+                )
+            else:
+                t, x = filters.low_pass(
+                    t,
+                    x,
+                    settings.derivative_cutoff_hz,
+                    filters.longest_step_ns(t, settings),
+                    causal=settings.causal,
+                )
+        picked[name] = _filled(name, t, x)
+
+    series = mounting.to_machine_axes(picked, machine.machine.imu, settings)
     for name in machine.derivation_order():
         channel = machine.channels[name]
         if channel.derivative_of:
             t, x = series[channel.derivative_of]
             longest_ns = filters.longest_step_ns(t, settings)
             t, x = filters.derivative(t, x, longest_ns, causal=settings.causal)
-            x = x * channel.scale + channel.offset
         elif channel.mean_of:
             first, second = (series[source] for source in channel.mean_of)
             t, x = _mean(first, second, filters.longest_step_ns(second[0], settings))
-            x = x * channel.scale + channel.offset
-        elif name in HINTS and (channel.topic or "table") not in placed:
-            continue
-        elif channel.angle_of:
-            t, x = _angle(name, channel, placed[channel.topic or "table"], machine, losses)
         else:
-            t, x = _pick(name, channel, placed[channel.topic or "table"], losses)
-            if filtering and name not in _UNFILTERED:
-                rate_hz = 1e9 / filters.period_ns(t)
-                if settings.derivative_cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
-                    notes.append(
-                        f"{name}: low-pass of {settings.derivative_cutoff_hz:g} Hz not applied, "
-                        f"its topic has only {rate_hz:.4g} Hz"
-                    )
-                else:
-                    t, x = filters.low_pass(
-                        t,
-                        x,
-                        settings.derivative_cutoff_hz,
-                        filters.longest_step_ns(t, settings),
-                        causal=settings.causal,
-                    )
-        if t.size == 0:
-            raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
-        series[name] = t, x
+            continue
+        series[name] = _filled(name, t, x * channel.scale + channel.offset)
     t, speed = series["speed_x_m_s"]
     # the sign of a standing machine's noise is a regressor of pure noise
     moves = np.abs(speed) > settings.direction_deadband_m_s
@@ -156,14 +160,17 @@ def _usable(
     return t - round(channel.delay_s * 1e9), x
 
 
+def _filled(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
+    if t.size == 0:
+        raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
+    return t, x
+
+
 def _mean(
     a: tuple[filters.Ints, filters.Floats],
     b: tuple[filters.Ints, filters.Floats],
     longest_ns: float,
 ) -> tuple[filters.Ints, filters.Floats]:
     """The mean of two channels at the stamps of the first, the second held while it is fresh."""
-    if np.array_equal(a[0], b[0]):
-        return a[0], (a[1] + b[1]) / 2.0
-    at = np.searchsorted(b[0], a[0], side="right") - 1
-    known = (at >= 0) & (a[0] - b[0][at] <= longest_ns)
-    return a[0][known], (a[1][known] + b[1][at[known]]) / 2.0
+    t, other = filters.held(*b, a[0], longest_ns)
+    return t, (a[1][np.isin(a[0], t)] + other) / 2.0

@@ -5,29 +5,31 @@ too small. One window is too short to tell its residuals' correlation; the log i
 """
 
 import numpy as np
-from numba import njit
 
+from estimators.compiled import compiled
 from estimators.trace import Floats, Ints
 
 #: More lags are never looked at: a manoeuvre may be a whole shift.
 MOST_LAGS = 256
 
 
-@njit(cache=True)
+@compiled
 def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0)."""
     sums = np.zeros(lags)
     pairs = np.zeros(lags)
     n = residual.size
     for i in range(n):
-        if group[i] < 0:
-            continue
-        for j in range(min(lags, n - i)):
-            if group[i + j] != group[i]:
-                # a group may have holes, so look on
-                continue
-            sums[j] += residual[i] * residual[i + j]
-            pairs[j] += 1.0
+        mine = group[i]
+        if mine >= 0:
+            count = min(lags, n - i)
+            e = residual[i]
+            following, theirs = residual[i : i + count], group[i : i + count]
+            for j in range(count):
+                # a group may have holes
+                both = theirs[j] == mine
+                sums[j] += e * following[j] if both else 0.0
+                pairs[j] += 1.0 if both else 0.0
     return sums, pairs
 
 
@@ -78,23 +80,43 @@ def pooled_autocorrelation(residual: Floats, group: Ints, parameters: int) -> tu
     return corrected / corrected[0], float(corrected[0])
 
 
-@njit(cache=True)
-def disjoint_windows(accepted: Ints, samples: int, window: int) -> Ints:
-    """Cover the accepted windows with disjoint ones, first come first.
+def window_residuals(
+    A: Floats, f: Floats, theta: Floats, index: Ints, window: int
+) -> tuple[Floats, Ints]:
+    """Cover the solved windows with disjoint ones, first come first, and take their residuals.
 
     Args:
-        accepted: (rows,) last samples of the accepted windows, ascending.
-        samples: samples of the log.
+        A: (n, p) regressor.
+        f: (n,) force.
+        theta: (rows, p) estimates; a row of NaN has no window.
+        index: (rows,) last samples of their windows, ascending.
         window: samples in a window.
 
     Returns:
-        (samples,) the row in `accepted` of the window that owns each sample, -1 for none.
+        (n,) residuals f - A θ, and (n,) the row whose window owns each sample, -1 for none.
     """
-    owner = np.full(samples, -1, np.int64)
+    residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
+    _residuals(A, f, theta, index, window, residual, owner)
+    return residual, owner
+
+
+@compiled
+def _residuals(
+    A: Floats,
+    f: Floats,
+    theta: Floats,
+    index: Ints,
+    window: int,
+    residual: Floats,
+    owner: Ints,
+) -> None:
     free = 0
-    for row in range(accepted.size):
-        k = accepted[row]
-        if k - window + 1 >= free:
-            owner[k - window + 1 : k + 1] = row
-            free = k + 1
-    return owner
+    for row in range(index.size):
+        first = index[row] - window + 1
+        if first >= free and not np.isnan(theta[row, 0]):
+            free = index[row] + 1
+            for k in range(first, free):
+                owner[k] = row
+                residual[k] = f[k]
+                for c in range(A.shape[1]):
+                    residual[k] -= A[k, c] * theta[row, c]

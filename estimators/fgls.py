@@ -9,14 +9,18 @@ this estimate's residuals (measured in docs/decisions/0005).
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from estimators import ls
-from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import lstsq, solve_spd
-from estimators.rolling import window_ends
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.compiled import compiled
+from estimators.linear import at, condition_numbers, lstsq
+from estimators.normal import Normal, normal_equations, residual_squares, solve_products, store
+from estimators.reweighted import Reweighting, reweigh, reweighting
+from estimators.rolling import sum_windows, window_ends, workspace
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
+
+_ROUNDING = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,43 +57,57 @@ def fit(
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
-@njit(cache=True)
-def _reweigh(
-    A: Floats, f: Floats, window: int, index: Ints, start: Floats, floor: float
-) -> tuple[Floats, Floats]:
-    """θ (rows, p) and RSS (rows,) of the weighted fits that follow the estimates in `start`."""
+@compiled
+def _solve_windows(
+    A: Floats,
+    f: Floats,
+    window: int,
+    index: Ints,
+    floor: float,
+    theta: Floats,
+    grams: Floats,
+    rss: Floats,
+    condition: Floats,
+) -> None:
+    """θ (rows, p), AᵀA (rows, entries) packed, RSS and condition (rows,)."""
     p = A.shape[1]
-    theta = start.copy()
-    rss = np.zeros(index.size)
-    for row in range(index.size):
-        first = index[row] - window + 1
-        square = 0.0
-        for k in range(first, index[row] + 1):
-            e = f[k]
-            for c in range(p):
-                e -= A[k, c] * start[row, c]
-            square += e * e
-        guard = floor * floor * square / window
-        if guard == 0.0:
-            continue
-        G = np.zeros((p, p))
-        h = np.zeros(p)
-        for k in range(first, index[row] + 1):
-            e = f[k]
-            for c in range(p):
-                e -= A[k, c] * start[row, c]
-            w = 1.0 / max(e * e, guard)
-            for i in range(p):
-                h[i] += w * A[k, i] * f[k]
-                for c in range(p):
-                    G[i, c] += w * A[k, i] * A[k, c]
-        theta[row] = solve_spd(G, h)
-        for k in range(first, index[row] + 1):
-            e = f[k]
-            for c in range(p):
-                e -= A[k, c] * theta[row, c]
-            rss[row] += e * e
-    return theta, rss
+    work = workspace(p + 1, window)
+    normal = normal_equations(p, window)
+    weighted = reweighting(p, window)
+    limit = np.empty(window)
+    row = 0
+    while row < index.size:
+        end = sum_windows(A, f, window, index, row, work)
+        m = end - row
+        condition_numbers(work.products, p + 1, p, m, condition[row:end])
+        solve_products(work.products, m, normal)
+        weigh(work.z, work.products, window, index, row, end, floor, normal, limit, weighted)
+        residual_squares(work.products, weighted.normal.x, m, rss[row:end])
+        store(weighted.normal.x, work.products, row, m, theta, grams)
+        row = end
+
+
+@compiled
+def weigh(
+    z: Floats,
+    products: Floats,
+    window: int,
+    index: Ints,
+    row: int,
+    end: int,
+    floor: float,
+    normal: Normal,
+    limit: Floats,
+    out: Reweighting,
+) -> None:
+    """Solve windows row … end - 1 once more, with the guarded weights of their OLS residuals."""
+    p = normal.x.shape[0]
+    ff = products[at(p, p, p + 1)]
+    for k in range(end - row):
+        # fᵀf less what is explained knows no residual below its own rounding
+        square = max(normal.rss[k], _ROUNDING * ff[k])
+        limit[k] = floor * np.sqrt(square / window)
+    reweigh(z, window, index, row, end, limit, True, normal.x, out)
 
 
 def trace(
@@ -108,10 +126,10 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    first, grams, _, condition = ls.solve_windows(A, f, window, index)
-    theta, rss = _reweigh(A, f, window, index, first, options.floor)
-    correlation, _ = pooled_autocorrelation(
-        *ls.window_residuals(A, f, theta, index, window), A.shape[1]
-    )
+    rows, p = index.size, A.shape[1]
+    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
+    rss, condition = np.empty(rows), np.empty(rows)
+    _solve_windows(A, f, window, index, options.floor, theta, grams, rss, condition)
+    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), p)
     std = window_deviations(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

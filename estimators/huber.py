@@ -6,20 +6,24 @@ pseudo-residuals ψ(r) / mean ψ', so their sandwich is its standard deviation.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from estimators import ls
-from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import lstsq, solve_spd
-from estimators.rolling import window_ends
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.compiled import compiled
+from estimators.linear import at, condition_numbers, lstsq
+from estimators.normal import normal_equations, residual_squares, solve_products, store
+from estimators.reweighted import Reweighting, consecutive, residuals, reweigh, reweighting
+from estimators.rolling import sample_products, sum_windows, window_ends, workspace
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Iterations converge linearly; more than this many change nothing that matters.
-_MOST_STEPS = 50
-_SETTLED = 1e-10
+_MOST_STEPS = 100
+_NEWTON_STEPS = 12
+_SETTLED = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,77 +67,198 @@ def fit(
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
-@njit(cache=True)
-def _solve(
-    A: Floats, f: Floats, window: int, index: Ints, start: Floats, bend: float
-) -> tuple[Floats, Floats, Floats]:
-    """θ (rows, p), the clipping limit and the r.m.s. of the residuals (rows,)."""
-    rows, p = start.shape
-    theta = start.copy()
-    limit = np.zeros(rows)
-    rms = np.zeros(rows)
-    residual = np.empty(window)
-    for row in range(rows):
-        first = index[row] - window + 1
-        for i in range(window):
-            residual[i] = f[first + i]
-            for c in range(p):
-                residual[i] -= A[first + i, c] * theta[row, c]
-        limit[row] = bend * np.median(np.abs(residual)) / 0.6745
-        for _ in range(_MOST_STEPS):
-            if limit[row] == 0.0:
-                break
-            G = np.zeros((p, p))
-            h = np.zeros(p)
-            for i in range(window):
-                w = limit[row] / max(abs(residual[i]), limit[row])
-                for c in range(p):
-                    h[c] += w * A[first + i, c] * f[first + i]
-                    for d in range(p):
-                        G[c, d] += w * A[first + i, c] * A[first + i, d]
-            following = solve_spd(G, h)
-            moved = 0.0
-            size = 1e-300
-            for c in range(p):
-                moved = max(moved, abs(following[c] - theta[row, c]))
-                size = max(size, abs(following[c]))
-                theta[row, c] = following[c]
-            for i in range(window):
-                residual[i] = f[first + i]
-                for c in range(p):
-                    residual[i] -= A[first + i, c] * theta[row, c]
-            if not moved / size >= _SETTLED:
-                break
-        square = 0.0
-        for i in range(window):
-            square += residual[i] * residual[i]
-        rms[row] = np.sqrt(square / window)
-    return theta, limit, rms
+@compiled
+def _solve_windows(
+    A: Floats,
+    f: Floats,
+    window: int,
+    index: Ints,
+    bend: float,
+    theta: Floats,
+    grams: Floats,
+    rss: Floats,
+    condition: Floats,
+    limit: Floats,
+    kept: Floats,
+    squares: Floats,
+) -> None:
+    """θ (rows, p), AᵀA (rows, entries) packed; the others, (rows,), as in `Robust`."""
+    p = A.shape[1]
+    work = workspace(p + 1, window)
+    normal = normal_equations(p, window)
+    room = robust(p, window)
+    row = 0
+    while row < index.size:
+        end = sum_windows(A, f, window, index, row, work)
+        m = end - row
+        condition_numbers(work.products, p + 1, p, m, condition[row:end])
+        solve_products(work.products, m, normal)
+        solve_robust(work.z, window, index, row, end, bend, normal.x, room)
+        residual_squares(work.products, room.theta, m, rss[row:end])
+        store(room.theta, work.products, row, m, theta, grams)
+        for k in range(m):
+            limit[row + k] = room.limit[k]
+            kept[row + k] = room.kept[k]
+            squares[row + k] = room.squares[k]
+        row = end
 
 
-@njit(cache=True)
-def _pseudo_squares(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats
-) -> tuple[Floats, Floats]:
-    """Σ of squared pseudo-residuals, and mean ψ' of each window, (rows,) both."""
-    rows, p = theta.shape
-    squares = np.zeros(rows)
-    kept = np.ones(rows)
-    for row in range(rows):
-        if limit[row] == 0.0:
-            continue
-        inside = 0
-        for k in range(index[row] - window + 1, index[row] + 1):
-            e = f[k]
+class Robust(NamedTuple):
+    """Room to solve windows of p parameters in.
+
+    Attributes:
+        theta: (p, windows) estimates.
+        limit: (windows,) residuals up to this weigh fully.
+        kept: (windows,) mean ψ', the share of the samples that do.
+        squares: (windows,) sums of squared pseudo-residuals.
+        settled: (windows,) whether the estimate stands still.
+        residual: (windows,) of one sample of each window, and
+        sizes: (window,) of all samples of one window.
+        pull: (windows,) what a sample pulls with.
+        weighted: the normal equations of a step.
+    """
+
+    theta: Floats
+    limit: Floats
+    kept: Floats
+    squares: Floats
+    settled: Bools
+    residual: Floats
+    sizes: Floats
+    pull: Floats
+    weighted: Reweighting
+
+
+@compiled
+def robust(p: int, window: int) -> Robust:
+    """Room for the windows of a pair of blocks."""
+    return Robust(
+        np.empty((p, window)),
+        np.empty(window),
+        np.empty(window),
+        np.empty(window),
+        np.empty(window, np.bool_),
+        np.empty(window),
+        np.empty(window),
+        np.empty(window),
+        reweighting(p, window),
+    )
+
+
+@compiled
+def solve_robust(
+    z: Floats,
+    window: int,
+    index: Ints,
+    row: int,
+    end: int,
+    bend: float,
+    start: Floats,
+    room: Robust,
+) -> None:
+    """Solve windows row … end - 1 from their OLS estimates `start` (p, ≥ end - row).
+
+    Huber's loss is quadratic between the samples' bends, so that Newton ends at its minimum
+    exactly, mostly within five steps; a window where it does not is left to reweighting.
+    """
+    p, m = start.shape[0], end - row
+    room.theta[:, :m] = start[:, :m]
+    for i in range(m):
+        offset = index[row + i] - index[row]
+        for s in range(window):
+            e = z[p, offset + s]
             for c in range(p):
-                e -= A[k, c] * theta[row, c]
-            if abs(e) <= limit[row]:
-                inside += 1
-            clipped = max(-limit[row], min(limit[row], e))
-            squares[row] += clipped * clipped
-        kept[row] = inside / window
-        squares[row] /= kept[row] * kept[row]
-    return squares, kept
+                e -= z[c, offset + s] * start[c, i]
+            room.sizes[s] = abs(e)
+        room.limit[i] = bend * np.median(room.sizes) / 0.6745
+        room.settled[i] = room.limit[i] == 0.0 or np.isnan(room.limit[i])
+    for step in range(_NEWTON_STEPS + _MOST_STEPS):
+        if room.settled[:m].all():
+            break
+        if step < _NEWTON_STEPS:
+            _newton(z, window, index, row, end, room)
+        else:
+            weighted = room.weighted
+            reweigh(z, window, index, row, end, room.limit, False, room.theta, weighted)
+        _move(m, room)
+    _pseudo_residuals(z, window, index, row, end, room)
+
+
+@compiled
+def _newton(z: Floats, window: int, index: Ints, row: int, end: int, room: Robust) -> None:
+    """One step of Newton: full samples fit themselves, the others pull with the limit's force."""
+    p, out = room.theta.shape[0], room.weighted
+    sample_products(z, index[end - 1] - index[row] + window, out.raw)
+    out.products[:, : end - row] = 0.0
+    begin = row
+    while begin < end:
+        stop = consecutive(index, begin, end)
+        offset, low, high = index[begin] - index[row], begin - row, stop - row
+        full, pull, m = out.weight, room.pull, stop - begin
+        limit = room.limit[low:high]
+        for s in range(offset, offset + window):
+            residuals(z, s, room.theta, low, high, pull)
+            force = z[p, s : s + m]
+            for k in range(m):
+                inside = abs(pull[k]) <= limit[k]
+                clipped = limit[k] if pull[k] > 0.0 else -limit[k]
+                pull[k] = force[k] if inside else clipped
+                full[k] = 1.0 if inside else 0.0
+            for i in range(p):
+                for j in range(i, p):
+                    entry = at(i, j, p + 1)
+                    total, product = out.products[entry, low:high], out.raw[entry, s : s + m]
+                    for k in range(m):
+                        total[k] += full[k] * product[k]
+                total, column = out.products[at(i, p, p + 1), low:high], z[i, s : s + m]
+                for k in range(m):
+                    total[k] += pull[k] * column[k]
+        begin = stop
+    solve_products(out.products, end - row, out.normal)
+
+
+@compiled
+def _move(m: int, room: Robust) -> None:
+    """Take the step where the estimate has not settled, and see whether it has now."""
+    p, following = room.theta.shape[0], room.weighted.normal.x
+    for k in range(m):
+        moved, size, known = 0.0, 1e-300, True
+        for c in range(p):
+            moved = max(moved, abs(following[c, k] - room.theta[c, k]))
+            size = max(size, abs(following[c, k]))
+            known = known and not np.isnan(following[c, k])
+        if not room.settled[k] and known:
+            for c in range(p):
+                room.theta[c, k] = following[c, k]
+            room.settled[k] = moved < _SETTLED * size
+
+
+@compiled
+def _pseudo_residuals(
+    z: Floats, window: int, index: Ints, row: int, end: int, room: Robust
+) -> None:
+    """Σ of squared pseudo-residuals ψ(r) / mean ψ', and mean ψ' itself, of each window."""
+    room.squares[: end - row] = 0.0
+    room.kept[: end - row] = 0.0
+    begin = row
+    while begin < end:
+        stop = consecutive(index, begin, end)
+        offset, low, high = index[begin] - index[row], begin - row, stop - row
+        limit, kept = room.limit[low:high], room.kept[low:high]
+        squares, e = room.squares[low:high], room.residual
+        for s in range(offset, offset + window):
+            residuals(z, s, room.theta, low, high, e)
+            for k in range(stop - begin):
+                size = abs(e[k])
+                kept[k] += 1.0 if size <= limit[k] else 0.0
+                size = size if size < limit[k] else limit[k]
+                squares[k] += size * size
+        begin = stop
+    for k in range(end - row):
+        # without a limit nothing is clipped
+        share = room.kept[k] / window if room.limit[k] > 0.0 else 1.0
+        room.kept[k] = share
+        room.squares[k] /= share * share
 
 
 def trace(
@@ -153,14 +278,16 @@ def trace(
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)
-    first, grams, _, condition = ls.solve_windows(A, f, window, index)
-    theta, limit, rms = _solve(A, f, window, index, first, options.bend)
-    squares, kept = _pseudo_squares(A, f, window, index, theta, limit)
-    residual, owner = ls.window_residuals(A, f, theta, index, window)
+    rows = index.size
+    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
+    rss, condition, limit, kept, squares = (np.empty(rows) for _ in range(5))
+    _solve_windows(
+        A, f, window, index, options.bend, theta, grams, rss, condition, limit, kept, squares
+    )
+    residual, owner = window_residuals(A, f, theta, index, window)
     used = owner >= 0
-    solved = np.flatnonzero(np.isfinite(theta[:, 0]))
-    row = solved[owner[used]]
+    row = owner[used]
     residual[used] = np.clip(residual[used], -limit[row], limit[row]) / kept[row]
     correlation, _ = pooled_autocorrelation(residual, owner, p)
     std = window_deviations(A, grams, squares, index, window, correlation)
-    return Trace(index, theta, std, rms, condition, correlation)
+    return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -1,9 +1,20 @@
-"""Small symmetric systems inside compiled loops: p is 2 or 3, where LAPACK's call costs more."""
+"""Many small symmetric systems at once: p is 2 or 3, the windows are thousands.
+
+The last axis of every array runs over the systems, so that the inner loops do one operation on all
+of them, which the compiler vectorises; the order of operations within a system is that of one
+alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j) in row `at(i, j,
+size)`.
+"""
 
 import numpy as np
-from numba import njit
 
+from estimators.compiled import compiled
 from estimators.trace import Floats
+
+#: A pivot that small a share of its diagonal: the columns are dependent to working precision.
+DEPENDENT = 1e-14
+#: Sweeps of Jacobi rotations after which a 3 × 3 matrix is diagonal (it converges quadratically).
+_SWEEPS = 6
 
 
 def lstsq(A: Floats, f: Floats) -> Floats:
@@ -11,80 +22,175 @@ def lstsq(A: Floats, f: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(A, f, rcond=None)[0], np.float64)
 
 
-@njit(cache=True)
-def solve_spd(G: Floats, h: Floats) -> Floats:
-    """Solve G x = h by Cholesky on columns scaled to unit diagonal; NaN where G is singular.
+@compiled
+def at(i: int, j: int, size: int) -> int:
+    """The row of entry (i, j), i <= j, in a packed symmetric matrix of `size` columns."""
+    return i * size - i * (i - 1) // 2 + j - i
+
+
+@compiled
+def factor(G: Floats, size: int, p: int, m: int, L: Floats, inverse: Floats) -> None:
+    """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
+
+    Without square roots, and the same in whatever units the columns are.
 
     Args:
-        G: (p, p) symmetric positive definite.
-        h: (p,) right-hand side.
-
-    Returns:
-        (p,) solution.
+        G: (entries, ≥ m) packed, of `size` columns.
+        size: columns of the packed matrices.
+        p: columns to factor.
+        m: systems.
+        L: (p, p, ≥ m) gets the unit lower triangle below its diagonal.
+        inverse: (p, ≥ m) gets 1 / D.
     """
-    p = h.size
-    scale = np.empty(p)
     for i in range(p):
-        if not G[i, i] > 0.0:
-            return np.full(p, np.nan)
-        scale[i] = 1.0 / np.sqrt(G[i, i])
-    L = np.zeros((p, p))
+        diagonal = G[at(i, i, size)]
+        pivot = inverse[i]
+        for k in range(m):
+            pivot[k] = diagonal[k]
+        for j in range(i):
+            entry = G[at(j, i, size)]
+            lower = L[i, j]
+            for k in range(m):
+                lower[k] = entry[k]
+            for r in range(j):
+                # L[j, i] above the diagonal holds L D, which is what is subtracted
+                a, b = L[j, r], L[r, i]
+                for k in range(m):
+                    lower[k] -= a[k] * b[k]
+            scaled, d = L[j, i], inverse[j]
+            for k in range(m):
+                scaled[k] = lower[k]
+                lower[k] *= d[k]
+                pivot[k] -= lower[k] * scaled[k]
+        for k in range(m):
+            regular = pivot[k] > DEPENDENT * diagonal[k]
+            pivot[k] = 1.0 / pivot[k] if regular else np.nan
+
+
+@compiled
+def substitute(L: Floats, inverse: Floats, m: int, x: Floats) -> None:
+    """Solve m factored systems in place: x (p, ≥ m) is the right-hand side, then the solution."""
+    p = inverse.shape[0]
     for i in range(p):
-        for j in range(i + 1):
-            s = G[i, j] * scale[i] * scale[j]
-            for m in range(j):
-                s -= L[i, m] * L[j, m]
-            if i == j:
-                # 1e-14: below it the scaled columns are dependent to working precision
-                if not s > 1e-14:
-                    return np.full(p, np.nan)
-                L[i, i] = np.sqrt(s)
-            else:
-                L[i, j] = s / L[j, j]
-    x = np.empty(p)
-    for i in range(p):
-        s = h[i] * scale[i]
-        for m in range(i):
-            s -= L[i, m] * x[m]
-        x[i] = s / L[i, i]
+        for r in range(i):
+            out, lower, known = x[i], L[i, r], x[r]
+            for k in range(m):
+                out[k] -= lower[k] * known[k]
     for i in range(p - 1, -1, -1):
-        s = x[i]
-        for m in range(i + 1, p):
-            s -= L[m, i] * x[m]
-        x[i] = s / L[i, i]
-    return x * scale
+        out, d = x[i], inverse[i]
+        for k in range(m):
+            out[k] *= d[k]
+        for r in range(i + 1, p):
+            lower, known = L[r, i], x[r]
+            for k in range(m):
+                out[k] -= lower[k] * known[k]
 
 
-@njit(cache=True)
-def inverse_spd(G: Floats) -> Floats:
-    """The inverse of a small symmetric positive definite matrix; NaN where it is singular."""
-    p = G.shape[0]
-    inverse = np.empty((p, p))
-    unit = np.zeros(p)
+@compiled
+def invert(L: Floats, inverse: Floats, m: int, out: Floats) -> None:
+    """The inverses of m factored systems, (p, p, ≥ m)."""
+    p = inverse.shape[0]
     for i in range(p):
-        unit[i] = 1.0
-        inverse[:, i] = solve_spd(G, unit)
-        unit[i] = 0.0
-    return inverse
+        out[i, :, :m] = 0.0
+        out[i, i, :m] = 1.0
+        substitute(L, inverse, m, out[i])
 
 
-@njit(cache=True)
+@compiled
+def condition_numbers(G: Floats, size: int, p: int, m: int, out: Floats) -> None:
+    """Condition numbers of A, columns scaled to unit norm, from m packed AᵀA; (≥ m,) into `out`.
+
+    The eigenvalues are those of Jacobi's rotations, of which 2 × 2 needs one.
+    """
+    N = np.empty((p * (p + 1) // 2, m))
+    for i in range(p):
+        for j in range(i, p):
+            entry, left, right = G[at(i, j, size)], G[at(i, i, size)], G[at(j, j, size)]
+            scaled = N[at(i, j, p)]
+            for k in range(m):
+                scaled[k] = entry[k] / np.sqrt(left[k] * right[k])
+    for _ in range(_SWEEPS if p > 2 else 1):
+        for i in range(p):
+            for j in range(i + 1, p):
+                _rotate(N, p, i, j, m)
+    low = N[0].copy()
+    high = N[0].copy()
+    for i in range(1, p):
+        value = N[at(i, i, p)]
+        for k in range(m):
+            low[k] = value[k] if value[k] < low[k] else low[k]
+            high[k] = value[k] if value[k] > high[k] else high[k]
+    for k in range(m):
+        out[k] = np.sqrt(high[k] / low[k]) if low[k] > 0.0 else np.inf
+    for i in range(p):
+        value = N[at(i, i, p)]
+        for k in range(m):
+            # a column of zeros
+            out[k] = np.inf if np.isnan(value[k]) else out[k]
+
+
+@compiled
+def _rotate(N: Floats, p: int, i: int, j: int, m: int) -> None:
+    """One rotation of Jacobi that makes entry (i, j) zero."""
+    a, b, c = N[at(i, i, p)], N[at(j, j, p)], N[at(i, j, p)]
+    sine = np.empty(m)
+    cosine = np.empty(m)
+    for k in range(m):
+        double = 2.0 * c[k]
+        gap = b[k] - a[k]
+        # the smaller of the two angles; none where the entry is zero already
+        root = abs(gap) + np.sqrt(gap * gap + double * double)
+        tangent = (double if gap >= 0.0 else -double) / root if root > 0.0 else 0.0
+        cosine[k] = 1.0 / np.sqrt(1.0 + tangent * tangent)
+        sine[k] = tangent * cosine[k]
+        a[k] -= tangent * c[k]
+        b[k] += tangent * c[k]
+        c[k] = c[k] if np.isnan(root) else 0.0
+    for r in range(p):
+        if r != i and r != j:
+            x, y = N[at(min(r, i), max(r, i), p)], N[at(min(r, j), max(r, j), p)]
+            for k in range(m):
+                old = x[k]
+                x[k] = cosine[k] * old - sine[k] * y[k]
+                y[k] = sine[k] * old + cosine[k] * y[k]
+
+
+@compiled
+def _packed(G: Floats) -> Floats:
+    p = G.shape[0]
+    out = np.empty((p * (p + 1) // 2, 1))
+    for i in range(p):
+        for j in range(i, p):
+            out[at(i, j, p), 0] = G[i, j]
+    return out
+
+
+@compiled
+def solve_spd(G: Floats, h: Floats) -> Floats:
+    """The solution (p,) of one system G (p, p) x = h (p,); NaN where G is singular."""
+    p = h.size
+    L = np.empty((p, p, 1))
+    inverse = np.empty((p, 1))
+    factor(_packed(G), p, p, 1, L, inverse)
+    x = h.copy().reshape(p, 1)
+    substitute(L, inverse, 1, x)
+    return x[:, 0].copy()
+
+
+@compiled
+def inverse_spd(G: Floats) -> Floats:
+    """The inverse of one symmetric positive definite matrix; NaN where it is singular."""
+    p = G.shape[0]
+    L = np.empty((p, p, 1))
+    inverse = np.empty((p, 1))
+    factor(_packed(G), p, p, 1, L, inverse)
+    out = np.empty((p, p, 1))
+    invert(L, inverse, 1, out)
+    return out[:, :, 0].copy()
+
+
 def condition_number(G: Floats) -> float:
     """The condition number of A from its Gram matrix G = AᵀA, columns scaled to unit norm."""
-    p = G.shape[0]
-    scaled = np.empty((p, p))
-    for i in range(p):
-        for j in range(p):
-            norm = np.sqrt(G[i, i] * G[j, j])
-            if not norm > 0.0:
-                return np.inf
-            scaled[i, j] = G[i, j] / norm
-    if p == 1:
-        return 1.0
-    if p == 2:
-        c = min(abs(scaled[0, 1]), 1.0)
-        return np.inf if c == 1.0 else np.sqrt((1.0 + c) / (1.0 - c))
-    eigenvalues = np.linalg.eigvalsh(scaled)
-    if not eigenvalues[0] > 0.0:
-        return np.inf
-    return np.sqrt(eigenvalues[-1] / eigenvalues[0])
+    out = np.empty(1)
+    condition_numbers(_packed(G), G.shape[0], G.shape[0], 1, out)
+    return float(out[0])

@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
-from estimators.autocorrelation import disjoint_windows, pooled_autocorrelation
-from estimators.linear import condition_number, inverse_spd, lstsq, solve_spd
-from estimators.rolling import products, unpack, window_ends, window_sums
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.compiled import compiled
+from estimators.linear import condition_number, condition_numbers, lstsq, substitute
+from estimators.normal import Normal, normal_equations, solve_products, store
+from estimators.rolling import sum_windows, window_ends, workspace
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
@@ -43,28 +44,78 @@ def fit(
     return Estimate(theta, std, rms, float(condition_number(gram)))
 
 
-@njit(cache=True)
 def solve_windows(
     A: Floats, f: Floats, window: int, index: Ints
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """θ (rows, p), AᵀA (rows, p, p), RSS and condition (rows,) of the windows that end at index."""
-    p = A.shape[1]
-    rows = index.size
-    sums = window_sums(products(A, f), window)
-    theta = np.empty((rows, p))
-    grams = np.empty((rows, p, p))
-    rss = np.empty(rows)
-    condition = np.empty(rows)
-    for row in range(rows):
-        G, h, ff = unpack(sums[index[row]], p)
-        theta[row] = solve_spd(G, h)
-        grams[row] = G
-        rss[row] = max(ff - h @ theta[row], 0.0)
-        condition[row] = condition_number(G)
+    """Solve the windows that end at `index`.
+
+    Returns:
+        θ (rows, p), AᵀA (rows, p(p+1)/2) packed, RSS (rows,) and condition (rows,).
+    """
+    rows, p = index.size, A.shape[1]
+    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
+    rss, condition = np.empty(rows), np.empty(rows)
+    _solve(A, f, window, index, theta, grams, rss, condition)
     return theta, grams, rss, condition
 
 
-@njit(cache=True)
+@compiled
+def _solve(
+    A: Floats,
+    f: Floats,
+    window: int,
+    index: Ints,
+    theta: Floats,
+    grams: Floats,
+    rss: Floats,
+    condition: Floats,
+) -> None:
+    p = A.shape[1]
+    work = workspace(p + 1, window)
+    normal = normal_equations(p, window)
+    row = 0
+    while row < index.size:
+        end = sum_windows(A, f, window, index, row, work)
+        solve_products(work.products, end - row, normal)
+        store(normal.x, work.products, row, end - row, theta, grams)
+        for k in range(end - row):
+            rss[row + k] = normal.rss[k]
+        condition_numbers(work.products, p + 1, p, end - row, condition[row:end])
+        row = end
+
+
+@compiled
+def _promise(
+    A: Floats, f: Floats, window: int, index: Ints, predicted: Floats, condition: Floats
+) -> None:
+    p = A.shape[1]
+    work = workspace(p + 1, window)
+    normal = normal_equations(p, window)
+    row = 0
+    while row < index.size:
+        end = sum_windows(A, f, window, index, row, work)
+        predict(work.products, window, end - row, normal, predicted[row:end])
+        condition_numbers(work.products, p + 1, p, end - row, condition[row:end])
+        row = end
+
+
+@compiled
+def predict(products: Floats, window: int, m: int, normal: Normal, predicted: Floats) -> None:
+    """The predicted deviation of the first parameter (m,) from m windows' packed products."""
+    p = normal.x.shape[0]
+    solve_products(products, m, normal)
+    freedom = max(window - p, 1)
+    for k in range(m):
+        predicted[k] = normal.rss[k] / freedom
+    # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
+    normal.x[:, :m] = 0.0
+    normal.x[0, :m] = 1.0
+    substitute(normal.L, normal.inverse, m, normal.x)
+    first = normal.x[0]
+    for k in range(m):
+        predicted[k] = np.sqrt(predicted[k] * first[k])
+
+
 def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, Floats]:
     """What a window promises before it is used: sqrt(σ̂² (G⁻¹)₁₁) of the first parameter.
 
@@ -73,25 +124,9 @@ def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple
     Returns:
         (rows,) predicted deviation and (rows,) condition number of the windows that end at index.
     """
-    _, grams, rss, condition = solve_windows(A, f, window, index)
-    predicted = np.empty(index.size)
-    freedom = max(window - A.shape[1], 1)
-    for row in range(index.size):
-        predicted[row] = np.sqrt(rss[row] / freedom * inverse_spd(grams[row])[0, 0])
+    predicted, condition = np.empty(index.size), np.empty(index.size)
+    _promise(A, f, window, index, predicted, condition)
     return predicted, condition
-
-
-def window_residuals(
-    A: Floats, f: Floats, theta: Floats, index: Ints, window: int
-) -> tuple[Floats, Ints]:
-    """Residuals over disjoint solved windows: (n,) residual and (n,) its window, -1 for none."""
-    solved = np.isfinite(theta[:, 0])
-    index, theta = index[solved], theta[solved]
-    owner = disjoint_windows(index, f.size, window)
-    residual = np.zeros(f.size)
-    used = owner >= 0
-    residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[owner[used]])
-    return residual, owner
 
 
 def trace(

@@ -6,39 +6,69 @@ Where windows slide over one start again and again, this uses every sample once.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import condition_number, solve_spd
+from estimators.compiled import compiled
+from estimators.linear import at, condition_numbers
+from estimators.normal import normal_equations, solve_products
 from estimators.sandwich import deviations, meat
 from estimators.trace import Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)
 class PooledOptions:
-    """Pooled least squares has nothing to choose."""
+    """What is known of the regressor's own noise.
+
+    Attributes:
+        noise_A: r.m.s. noise of each column as it is in A. Noise in a column draws its parameter
+            towards zero; with it, what n samples of noise add to AᵀA is taken off again (Fuller,
+            Measurement Error Models, 1987), and half of what that changes is counted as
+            uncertainty. None takes A as exact, which is ordinary least squares.
+    """
+
+    noise_A: tuple[float, ...] | None = None
 
 
-@njit(cache=True)
-def _grams(A: Floats, f: Floats, segment_id: Ints, ids: Ints) -> tuple[Floats, Floats, Ints, Ints]:
-    """AᵀA, Aᵀf, first and last sample of each segment in `ids` (ascending)."""
+@compiled
+def _sums(A: Floats, f: Floats, segment_id: Ints, ids: Ints) -> tuple[Floats, Ints, Ints]:
+    """Packed products of the columns of [A f], (entries, ids), first and last sample of each id."""
     p = A.shape[1]
-    G = np.zeros((ids.size, p, p))
-    h = np.zeros((ids.size, p))
+    products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
     first = np.full(ids.size, -1, np.int64)
     last = np.full(ids.size, -1, np.int64)
+    row = 0
     for k in range(f.size):
-        if segment_id[k] < 0:
-            continue
-        row = np.searchsorted(ids, segment_id[k])
-        if first[row] < 0:
-            first[row] = k
-        last[row] = k
-        for i in range(p):
-            h[row, i] += A[k, i] * f[k]
-            for c in range(p):
-                G[row, i, c] += A[k, i] * A[k, c]
-    return G, h, first, last
+        if segment_id[k] >= 0:
+            if ids[row] != segment_id[k]:
+                row = np.searchsorted(ids, segment_id[k])
+            if first[row] < 0:
+                first[row] = k
+            last[row] = k
+            add_sample(A[k], f[k], products[:, row])
+    return products, first, last
+
+
+@compiled
+def add_sample(a: Floats, f: float, products: Floats) -> None:
+    """Add one sample's products to a packed sum (entries,)."""
+    p = a.size
+    for i in range(p):
+        for j in range(i, p):
+            products[at(i, j, p + 1)] += a[i] * a[j]
+        products[at(i, p, p + 1)] += a[i] * f
+    products[at(p, p, p + 1)] += f * f
+
+
+@compiled
+def solve_sums(products: Floats) -> tuple[Floats, Floats]:
+    """θ (ids, p) and condition (ids,) of packed sums (entries, ids); NaN where singular."""
+    entries, ids = products.shape
+    p = int(np.sqrt(2 * entries)) - 1
+    normal = normal_equations(p, ids)
+    solve_products(products, ids, normal)
+    condition = np.empty(ids)
+    condition_numbers(products, p + 1, p, ids, condition)
+    return normal.x.T.copy(), condition
 
 
 def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None) -> Trace:
@@ -48,20 +78,26 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         A: (n, p) regressor; rows with a negative segment_id may be NaN.
         f: (n,) force.
         segment_id: (n,) the segment that each sample is pooled into, negative for none.
-        options: none to choose.
+        options: noise of the columns, where it is known.
 
     Returns:
         A row a segment, in ascending order of segment_id; `index` is its last pooled sample.
         A segment whose samples do not determine θ has NaN.
     """
-    del options
+    noise = (options or PooledOptions()).noise_A
     p = A.shape[1]
     used = segment_id >= 0
     ids = np.unique(segment_id[used]).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
-    G, h, first, last = _grams(A, f, segment_id, ids)
-    theta = np.stack([solve_spd(G[row], h[row]) for row in range(ids.size)])
+    products, first, last = _sums(A, f, segment_id, ids)
+    counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
+    ordinary, condition = solve_sums(products)
+    theta = ordinary
+    if noise is not None:
+        for i in range(p):
+            products[at(i, i, p + 1)] -= counts * noise[i] ** 2
+        theta, _ = solve_sums(products)
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
@@ -69,11 +105,20 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     group = np.full(f.size, -1, np.int64)
     group[used] = np.where(solved[row_of], segment_id[used], -1)
     correlation, _ = pooled_autocorrelation(residual, group, p)
-    counts = np.bincount(row_of, minlength=ids.size).astype(float)
     rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        std[row] = deviations(G[row], B, rss[row], counts[row])
-    condition = np.array([condition_number(g) for g in G])
+        std[row] = deviations(_gram(products[:, row], p), B, rss[row], counts[row])
+    if noise is not None:
+        std = np.hypot(std, (theta - ordinary) / 2.0)
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)
+
+
+def _gram(products: Floats, p: int) -> Floats:
+    """AᵀA (p, p) from a packed sum."""
+    G = np.empty((p, p))
+    for i in range(p):
+        for j in range(i, p):
+            G[i, j] = G[j, i] = products[at(i, j, p + 1)]
+    return G

@@ -9,12 +9,21 @@ each sample is fed once, over the union of the accepted windows.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from estimators import directional
 from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import condition_number, inverse_spd, lstsq
+from estimators.compiled import compiled
+from estimators.linear import condition_number, condition_numbers, lstsq
+from estimators.normal import normal_equations, solve_products
+from estimators.recursive import (
+    CHUNK,
+    discounted_meats,
+    fed_samples,
+    feed_products,
+    packed,
+)
 from estimators.rolling import window_ends
-from estimators.sandwich import meat
+from estimators.sandwich import meat, recursive_deviations
 from estimators.trace import Bools, Floats, Ints, Trace
 
 
@@ -91,150 +100,6 @@ def step(state: RlsState, a: Floats, f: float, options: RlsOptions | None = None
     )
 
 
-@njit(cache=True)
-def _learn(P: Floats, a: Floats, forgetting: float, directional: bool) -> Floats:
-    """The gain of a sample; P is updated in place."""
-    p = a.size
-    Pa = np.zeros(p)
-    r = 0.0
-    for i in range(p):
-        for c in range(p):
-            Pa[i] += P[i, c] * a[c]
-        r += a[i] * Pa[i]
-    if directional:
-        beta = forgetting - (1.0 - forgetting) / r if r > 0.0 else 0.0
-        shrink = beta / (1.0 + beta * r)
-        grow = 1.0
-        gain = Pa / (1.0 + r)
-    else:
-        shrink = 1.0 / (forgetting + r)
-        grow = 1.0 / forgetting
-        gain = Pa / (forgetting + r)
-    for i in range(p):
-        for c in range(i + 1):
-            P[i, c] = (P[i, c] - shrink * Pa[i] * Pa[c]) * grow
-            P[c, i] = P[i, c]
-    return gain
-
-
-@njit(cache=True)
-def _feed(
-    A: Floats,
-    f: Floats,
-    window: int,
-    index: Ints,
-    options: tuple[float, bool],
-    theta: Floats,
-    P: Floats,
-    sums: tuple[float, float],
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Steps over the union of the windows in index; θ, r.m.s., condition of P⁻¹ and residuals."""
-    rows = index.size
-    p = theta.size
-    forgetting, directional = options
-    square, weight = sums
-    out = np.empty((rows, p))
-    rms = np.empty(rows)
-    condition = np.empty(rows)
-    residual = np.full(f.size, np.nan)
-    theta = theta.copy()
-    P = P.copy()
-    for row in range(rows):
-        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
-        for k in range(first, index[row] + 1):
-            error = f[k]
-            for c in range(p):
-                error -= A[k, c] * theta[c]
-            gain = _learn(P, A[k], forgetting, directional)
-            after = f[k]
-            for c in range(p):
-                theta[c] += gain[c] * error
-                after -= A[k, c] * theta[c]
-            square = forgetting * square + error * after
-            weight = forgetting * weight + 1.0
-            residual[k] = after
-        out[row] = theta
-        rms[row] = np.sqrt(max(square, 0.0) / weight)
-        condition[row] = condition_number(inverse_spd(P))
-    return out, rms, condition, residual
-
-
-@njit(cache=True)
-def _deviations(
-    A: Floats,
-    window: int,
-    index: Ints,
-    options: tuple[float, bool],
-    P: Floats,
-    cover: Floats,
-    ahead: Floats,
-    correlation: Floats,
-) -> Floats:
-    """Standard deviations for residuals of variance 1, by the recursion's own error equation.
-
-    With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance needs what e shares with the
-    residual that comes next, which the correlation of the residuals carries along:
-    `ahead[j]` = cov(e, u of the sample j + 1 ahead).
-
-    Args:
-        A: (n, p) regressor.
-        window: samples in a window.
-        index: (rows,) last samples of the accepted windows.
-        options: forgetting, directional.
-        P: (p, p) at the end of the first window.
-        cover: (p, p) covariance of the first estimate.
-        ahead: (lags, p) its covariance with the residuals that follow.
-        correlation: (lags,) residual autocorrelation, 1 first.
-    """
-    rows = index.size
-    p = A.shape[1]
-    forgetting, directional = options
-    lags = correlation.size
-    P = P.copy()
-    S = cover.copy()
-    C = ahead.copy()
-    F = np.empty((p, p))
-    half = np.empty((p, p))
-    share = np.empty(p)
-    moved = np.empty(p)
-    std = np.empty((rows, p))
-    last = index[0]
-    for row in range(rows):
-        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
-        for k in range(first, index[row] + 1):
-            gap = k - last - 1
-            last = k
-            gain = _learn(P, A[k], forgetting, directional)
-            for i in range(p):
-                for c in range(p):
-                    F[i, c] = (1.0 if i == c else 0.0) - gain[i] * A[k, c]
-            for i in range(p):
-                share[i] = 0.0
-                for c in range(p):
-                    half[i, c] = 0.0
-                    for d in range(p):
-                        half[i, c] += F[i, d] * S[d, c]
-                    if gap < lags:
-                        share[i] += F[i, c] * C[gap, c]
-            for i in range(p):
-                for c in range(p):
-                    S[i, c] = share[i] * gain[c] + gain[i] * share[c] + gain[i] * gain[c]
-                    for d in range(p):
-                        S[i, c] += half[i, d] * F[c, d]
-            for j in range(lags):
-                # ascending, so that what is read has not been moved yet
-                for i in range(p):
-                    moved[i] = gain[i] * correlation[j + 1] if j + 1 < lags else 0.0
-                    if j + 1 + gap < lags:
-                        for c in range(p):
-                            moved[i] += F[i, c] * C[j + 1 + gap, c]
-                for i in range(p):
-                    C[j, i] = moved[i]
-        for i in range(p):
-            std[row, i] = np.sqrt(max(S[i, i], 0.0))
-    return std
-
-
 def trace(
     A: Floats, f: Floats, window: int, accepted: Bools, options: RlsOptions | None = None
 ) -> Trace:
@@ -258,13 +123,132 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    how = (options.forgetting, options.directional)
-    theta, rms, condition, residual = _feed(
-        A, f, window, index, how, begin.theta, begin.P, (begin.square, begin.weight)
+    run = _along_samples if options.directional else _discounted
+    return run(A, f, window, index, options.forgetting, begin)
+
+
+def _discounted(
+    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
+) -> Trace:
+    """Exponential forgetting: (12)-(15) solve the discounted normal equations."""
+    rows, p = index.size, A.shape[1]
+    first = slice(index[0] - window + 1, index[0] + 1)
+    fed, seen = fed_samples(index, window)
+    theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
+    residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
+    past = packed(information(begin))
+    _feed(A, f, fed, seen, forgetting, past, begin.weight, theta, rms, condition, residual, owner)
+    theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
+    gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
+    condition[0] = condition_number(gram)
+    residual[first], owner[first] = f[first] - A[first] @ begin.theta, 0
+    # the recursion's memory is long: its residuals carry no window's fit to correct for
+    correlation, variance = pooled_autocorrelation(residual, owner, 0)
+    # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
+    R = np.diag(1.0 / np.diagonal(begin.P))
+    as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
+    std = _deviations(A, as_fed, index, fed, seen, forgetting, R, correlation)
+    return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
+
+
+def information(state: RlsState) -> Floats:
+    """The discounted Gram matrix of [A f] (p+1, p+1) that a beginning stands for."""
+    R = np.diag(1.0 / np.diagonal(state.P))
+    h = R @ state.theta
+    return np.block([[R, h[:, None]], [h[None, :], np.array([[state.square + state.theta @ h]])]])
+
+
+@compiled
+def _feed(
+    A: Floats,
+    f: Floats,
+    fed: Ints,
+    seen: Ints,
+    forgetting: float,
+    past: Floats,
+    weight: float,
+    theta: Floats,
+    rms: Floats,
+    condition: Floats,
+    residual: Floats,
+    owner: Ints,
+) -> None:
+    """θ, r.m.s. and condition from the second row on; residuals of the samples fed, owner 0."""
+    p = A.shape[1]
+    z = np.empty((p + 1, CHUNK))
+    terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
+    rows_sums, rows_condition = np.empty((past.size, CHUNK)), np.empty(CHUNK)
+    normal = normal_equations(p, CHUNK)
+    row = 1
+    begin = 0
+    while begin < fed.size:
+        end = feed_products(A, f, fed, begin, forgetting, past, z, terms, sums)
+        count = end - begin
+        solve_products(sums, count, normal)
+        e = residual[fed[begin] : fed[begin] + count]
+        owner[fed[begin] : fed[begin] + count] = 0
+        e[:] = z[p, :count]
+        for c in range(p):
+            x, column = normal.x[c], z[c]
+            for k in range(count):
+                e[k] -= x[k] * column[k]
+        m = 0
+        done = begin
+        while row + m < seen.size and seen[row + m] <= end:
+            k = seen[row + m] - 1 - begin
+            for _ in range(seen[row + m] - done):
+                weight = forgetting * weight + 1.0
+            done = seen[row + m]
+            for c in range(p):
+                theta[row + m, c] = normal.x[c, k]
+            rms[row + m] = np.sqrt(normal.rss[k] / weight)
+            for lane in range(past.size):
+                rows_sums[lane, m] = sums[lane, k]
+            m += 1
+        for _ in range(end - done):
+            weight = forgetting * weight + 1.0
+        condition_numbers(rows_sums, p + 1, p, m, rows_condition)
+        condition[row : row + m] = rows_condition[:m]
+        row += m
+        begin = end
+
+
+def _deviations(
+    A: Floats,
+    first: Floats,
+    index: Ints,
+    fed: Ints,
+    seen: Ints,
+    forgetting: float,
+    R: Floats,
+    correlation: Floats,
+) -> Floats:
+    """Standard deviations (rows, p) for residuals of variance 1: diag R⁻¹ M R⁻¹, R = P⁻¹."""
+    rows, p = index.size, A.shape[1]
+    shape = (rows, p * (p + 1) // 2)
+    bread, meats, white = np.empty(shape), np.empty(shape), np.empty(shape)
+    one, none, start = np.zeros(len(first), np.int64), np.ones(1), int(index[0])
+    for M, r in ((meats, correlation), (white, none)):
+        begin = meat(first, one, 0, 0, len(first) - 1, r)
+        discounted_meats(A, first, fed, seen, start, forgetting, forgetting**2, r, begin, M)
+    discounted_meats(A, first, fed, seen, start, forgetting, forgetting, none, R, bread)
+    out = np.empty((rows, p))
+    recursive_deviations(bread, meats, white, out)
+    return out
+
+
+def _along_samples(
+    A: Floats, f: Floats, window: int, index: Ints, forgetting: float, begin: RlsState
+) -> Trace:
+    """Directional forgetting."""
+    p = A.shape[1]
+    first = slice(index[0] - window + 1, index[0] + 1)
+    sums = (begin.square, begin.weight)
+    theta, rms, R, residual, _ = directional.feed(
+        A, f, window, index, forgetting, begin.theta, begin.P, sums
     )
     residual[first] = f[first] - A[first] @ begin.theta
     fed = np.isfinite(residual)
-    # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = pooled_autocorrelation(residual, np.where(fed, 0, -1), 0)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
@@ -275,10 +259,11 @@ def trace(
         # the first window's samples that the residual j + 1 after it still knows
         near = correlation[j + 1 :][:window]
         ahead[j] = bread @ (near @ A[first][::-1][: near.size])
-    std = _deviations(A, window, index, how, begin.P, cover, ahead, correlation)
+    std = directional.deviations(A, window, index, forgetting, begin.P, cover, ahead, correlation)
     # a tapered correlation need not be positive definite: never below uncorrelated residuals
     none = np.zeros((1, p))
-    white = _deviations(A, window, index, how, begin.P, bread, none, np.ones(1))
+    white = directional.deviations(A, window, index, forgetting, begin.P, bread, none, np.ones(1))
     std = np.maximum(std, white) * np.sqrt(variance)
-    condition[0] = condition_number(gram)
+    R[0] = gram
+    condition = np.array([condition_number(each) for each in R])
     return Trace(index, theta, std, rms, condition, correlation)

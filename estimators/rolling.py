@@ -4,11 +4,17 @@ The log is cut into blocks of one window's length. Prefix sums run forward in ea
 sums backward; any window is one suffix and one prefix added. Nothing is ever subtracted, so a sum
 neither drifts over hours nor loses digits in an idle stretch, and a NaN spoils only the windows
 that contain it.
+
+What is summed are the samples less the last one of the suffix's block, which every window of that
+pair of blocks contains, and their products: so a large mean costs no digits of a variance either.
 """
 
-import numpy as np
-from numba import njit
+from typing import NamedTuple
 
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.linear import at
 from estimators.trace import Bools, Floats, Ints
 
 
@@ -18,65 +24,176 @@ def window_ends(accepted: Bools, window: int) -> Ints:
     return ends[ends >= window - 1]
 
 
-@njit(cache=True)
-def window_sums(values: Floats, window: int) -> Floats:
-    """Sum every run of exactly `window` consecutive rows.
+class Workspace(NamedTuple):
+    """The arrays that a loop over pairs of blocks uses again and again, q columns in [A f].
+
+    Attributes:
+        z: (q, 2 window) samples of the two blocks, a row a column of [A f].
+        centre: (q,) what is subtracted from them.
+        terms: (lanes, 2 window) what is summed: deviations, then their products, packed.
+        moments: (lanes, window) their sums over the windows asked for.
+        products: (entries, window) sums of the products of the columns of [A f], packed.
+    """
+
+    z: Floats
+    centre: Floats
+    terms: Floats
+    moments: Floats
+    products: Floats
+
+
+@compiled
+def lanes_of(quantities: int) -> int:
+    """Sums run three at a time, which keeps the adders busy: the next multiple of three."""
+    return -(-quantities // 3) * 3
+
+
+@compiled
+def workspace(q: int, window: int) -> Workspace:
+    """Room for windows over q columns."""
+    entries = q * (q + 1) // 2
+    lanes = lanes_of(q + entries)
+    return Workspace(
+        np.zeros((q, 2 * window)),
+        np.empty(q),
+        np.zeros((lanes, 2 * window)),
+        np.empty((lanes, window)),
+        np.empty((entries, window)),
+    )
+
+
+@compiled
+def suffix_sums(terms: Floats, count: int, sums: Floats) -> None:
+    """Sums (lanes, ≥ count) of terms (lanes, ≥ count) from each to the last of `count`."""
+    for lane in range(0, sums.shape[0], 3):
+        a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
+        x, y, z = sums[lane, :count], sums[lane + 1, :count], sums[lane + 2, :count]
+        s = t = u = 0.0
+        for back in range(count):
+            k = count - 1 - back
+            s += a[k]
+            t += b[k]
+            u += c[k]
+            x[k] = s
+            y[k] = t
+            z[k] = u
+
+
+@compiled
+def add_prefix_sums(terms: Floats, start: int, skip: int, count: int, sums: Floats) -> None:
+    """Add to each sums[:, m], m < count, the `skip` + m terms from `start` on."""
+    for lane in range(0, sums.shape[0], 3):
+        s = t = u = 0.0
+        for k in range(start, start + skip):
+            s += terms[lane, k]
+            t += terms[lane + 1, k]
+            u += terms[lane + 2, k]
+        begin = start + skip
+        a, b, c = terms[lane, begin:], terms[lane + 1, begin:], terms[lane + 2, begin:]
+        x, y, z = sums[lane], sums[lane + 1], sums[lane + 2]
+        for k in range(count):
+            x[k] += s
+            y[k] += t
+            z[k] += u
+            s += a[k]
+            t += b[k]
+            u += c[k]
+
+
+@compiled
+def centred_terms(z: Floats, centre: Floats, count: int, terms: Floats) -> None:
+    """The deviations of `count` samples from the centre, and their products."""
+    q = z.shape[0]
+    for i in range(q):
+        deviation, x = terms[i], z[i]
+        for k in range(count):
+            deviation[k] = x[k] - centre[i]
+    sample_products(terms[:q], count, terms[q:])
+
+
+@compiled
+def sample_products(z: Floats, count: int, products: Floats) -> None:
+    """Products of the q rows of z at each of `count` samples, packed (entries, ≥ count)."""
+    q = z.shape[0]
+    for i in range(q):
+        for j in range(i, q):
+            product, x, y = products[at(i, j, q)], z[i], z[j]
+            for k in range(count):
+                product[k] = x[k] * y[k]
+
+
+@compiled
+def uncentred(moments: Floats, centre: Floats, window: int, m: int, products: Floats) -> None:
+    """Σ z_i z_j over m windows from their centred moments."""
+    q = centre.size
+    for i in range(q):
+        for j in range(i, q):
+            total, central = products[at(i, j, q)], moments[q + at(i, j, q)]
+            x, y = moments[i], moments[j]
+            left, right = centre[i], centre[j]
+            for k in range(m):
+                total[k] = central[k] + right * x[k] + left * (window * right + y[k])
+
+
+@compiled
+def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
+    """Lay `count` samples of A (n, p) out a row a column: z (≥ p, ≥ count)."""
+    samples = A[start : start + count]
+    for c in range(A.shape[1]):
+        out = z[c]
+        for k in range(count):
+            out[k] = samples[k, c]
+
+
+@compiled
+def pair_of_blocks(window: int, index: Ints, row: int) -> tuple[int, int]:
+    """The first sample of the block that window `row` begins in, and the first row beyond it."""
+    first = (index[row] - window + 1) // window * window
+    end = row + 1
+    while end < index.size and index[end] < first + 2 * window - 1:
+        end += 1
+    return first, end
+
+
+@compiled
+def take(sums: Floats, index: Ints, row: int, end: int) -> None:
+    """Of the sums of every window from index[row] on, keep those of the rows asked for."""
+    if end - row < index[end - 1] - index[row] + 1:
+        for lane in range(sums.shape[0]):
+            kept = sums[lane]
+            for m in range(end - row):
+                kept[m] = kept[index[row + m] - index[row]]
+
+
+@compiled
+def sum_windows(A: Floats, f: Floats, window: int, index: Ints, row: int, work: Workspace) -> int:
+    """Sum the windows that end at index[row] and after, as many as begin in the same block.
 
     Args:
-        values: (n, q).
-        window: rows in a window, 1 <= window.
+        A: (n, p) regressor.
+        f: (n,) force.
+        window: samples in a window.
+        index: (rows,) last samples of windows, ascending.
+        row: the first of them.
+        work: gets `z` from the first window's first sample on, `moments` and `products`.
 
     Returns:
-        (n, q): row k sums rows k-window+1 … k; NaN where k < window-1.
+        The first row that begins in another block.
     """
-    n, q = values.shape
-    sums = np.full((n, q), np.nan)
-    suffix = np.empty((window, q))
-    prefix = np.empty(q)
-    for start in range(0, n - window + 1, window):
-        # suffix[i] = values[start+i] + … + values[start+window-1]
-        suffix[window - 1] = values[start + window - 1]
-        for i in range(window - 2, -1, -1):
-            for c in range(q):
-                suffix[i, c] = suffix[i + 1, c] + values[start + i, c]
-        sums[start + window - 1] = suffix[0]
-        prefix[:] = 0.0
-        for i in range(1, window):
-            k = start + window - 1 + i
-            if k >= n:
-                break
-            for c in range(q):
-                prefix[c] += values[k, c]
-                sums[k, c] = suffix[i, c] + prefix[c]
-    return sums
-
-
-@njit(cache=True)
-def products(A: Floats, f: Floats) -> Floats:
-    """Per-sample products of the columns of [A f]: the upper triangle, row by row, (n, q)."""
-    n, p = A.shape
-    out = np.empty((n, (p + 1) * (p + 2) // 2))
-    for k in range(n):
-        c = 0
-        for i in range(p + 1):
-            x = A[k, i] if i < p else f[k]
-            for j in range(i, p + 1):
-                out[k, c] = x * (A[k, j] if j < p else f[k])
-                c += 1
-    return out
-
-
-@njit(cache=True)
-def unpack(sums: Floats, p: int) -> tuple[Floats, Floats, float]:
-    """AᵀA (p, p), Aᵀf (p,) and fᵀf from one row of summed `products`."""
-    G = np.empty((p, p))
-    h = np.empty(p)
-    c = 0
-    for i in range(p):
-        for j in range(i, p):
-            G[i, j] = sums[c]
-            G[j, i] = sums[c]
-            c += 1
-        h[i] = sums[c]
-        c += 1
-    return G, h, sums[c]
+    p = A.shape[1]
+    first, end = pair_of_blocks(window, index, row)
+    start = index[row] - window + 1
+    samples = index[end - 1] + 1 - start
+    span = samples - window + 1
+    load_columns(A, start, samples, work.z)
+    work.z[p, :samples] = f[start : start + samples]
+    # what is left of the first block: its last sample is in every window
+    left = first + window - start
+    for c in range(p + 1):
+        work.centre[c] = work.z[c, left - 1]
+    centred_terms(work.z, work.centre, samples, work.terms)
+    suffix_sums(work.terms, left, work.moments)
+    add_prefix_sums(work.terms, left, window - left, span, work.moments)
+    take(work.moments, index, row, end)
+    uncentred(work.moments, work.centre, window, end - row, work.products)
+    return end

@@ -8,12 +8,21 @@ smallest eigenvector afresh at each sample: p is 2 or 3, so that costs no more t
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
 from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import condition_number, inverse_spd, solve_spd
+from estimators.compiled import compiled
+from estimators.linear import at, condition_numbers
+from estimators.normal import residual_squares, store
+from estimators.recursive import (
+    CHUNK,
+    discounted_meats,
+    fed_samples,
+    feed_products,
+    packed,
+)
 from estimators.rolling import window_ends
-from estimators.tls import TlsOptions, smallest_root
+from estimators.sandwich import meat, recursive_deviations
+from estimators.tls import TlsOptions, roots, solve_scaled
 from estimators.trace import Bools, Floats, Ints, Trace
 
 
@@ -47,7 +56,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
     scale = options.noise.scales(p)
     z = np.column_stack([A / scale, f])
     C: Floats = z.T @ z
-    return RtlsState(_theta(C) / scale, C, float(f.size))
+    return RtlsState(_theta(C, scale), C, float(f.size))
 
 
 def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
@@ -56,109 +65,74 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
     scale = options.noise.scales(a.size)
     z = np.append(a / scale, f)
     C = options.forgetting * state.C + np.outer(z, z)
-    return RtlsState(_theta(C) / scale, C, options.forgetting * state.weight + 1.0)
+    return RtlsState(_theta(C, scale), C, options.forgetting * state.weight + 1.0)
 
 
-@njit(cache=True)
-def _theta(C: Floats) -> Floats:
-    """The scaled estimate of one Gram matrix, NaN where A without its noise is singular."""
-    p = C.shape[0] - 1
-    G = C[:p, :p].copy()
-    h = C[:p, p].copy()
-    lam = smallest_root(G, h, float(C[p, p]))
-    for i in range(p):
-        G[i, i] -= lam
-    return solve_spd(G, h)
+def unscaled(state: RtlsState, options: RtlsOptions) -> Floats:
+    """The discounted Gram matrix (p+1, p+1) of [A f] in its own units."""
+    units = np.append(options.noise.scales(len(state.theta)), 1.0)
+    return state.C * np.outer(units, units)
 
 
-@njit(cache=True)
+@compiled
+def _theta(C: Floats, scale: Floats) -> Floats:
+    """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
+    p = scale.size
+    work = roots(p, 1)
+    solve_scaled(packed(C).reshape(-1, 1), np.ones(p), 1, work)
+    return work.normal.x[:, 0] / scale
+
+
+@compiled
 def _feed(
     A: Floats,
     f: Floats,
-    window: int,
-    index: Ints,
+    fed: Ints,
+    seen: Ints,
     scale: Floats,
     forgetting: float,
-    C: Floats,
+    past: Floats,
     weight: float,
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """θ (rows, p), r.m.s., condition and the inverse clean Gram matrices over the union."""
-    rows = index.size
-    p = scale.size
-    C = C.copy()
-    theta = np.empty((rows, p))
-    rms = np.empty(rows)
-    condition = np.empty(rows)
-    bread = np.empty((rows, p, p))
-    z = np.empty(p + 1)
-    for row in range(rows):
-        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
-        for k in range(first, index[row] + 1):
-            for c in range(p):
-                z[c] = A[k, c] / scale[c]
-            z[p] = f[k]
-            for i in range(p + 1):
-                for c in range(p + 1):
-                    C[i, c] = forgetting * C[i, c] + z[i] * z[c]
+    theta: Floats,
+    rms: Floats,
+    condition: Floats,
+    grams: Floats,
+) -> None:
+    """θ, r.m.s., condition and the noise-free AᵀA (rows, entries) packed, at each row."""
+    p = A.shape[1]
+    z = np.empty((p + 1, CHUNK))
+    terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
+    at_rows, square = np.empty((past.size, CHUNK)), np.empty(CHUNK)
+    work = roots(p, CHUNK)
+    at_rows[:, 0] = past
+    square[0] = weight
+    m = 1
+    row = begin = 0
+    while True:
+        solve_scaled(at_rows, scale, m, work)
+        condition_numbers(at_rows, p + 1, p, m, condition[row : row + m])
+        weights = square[:m].copy()
+        residual_squares(at_rows, work.normal.x, m, square)
+        for k in range(m):
+            rms[row + k] = np.sqrt(square[k] / weights[k])
+        store(work.normal.x, work.shifted, row, m, theta, grams)
+        for i in range(p):
+            for j in range(i, p):
+                for k in range(m):
+                    grams[row + k, at(i, j, p)] *= scale[i] * scale[j]
+        row += m
+        if begin == fed.size:
+            break
+        end = feed_products(A, f, fed, begin, forgetting, past, z, terms, sums)
+        m = 0
+        for i in range(begin, end):
             weight = forgetting * weight + 1.0
-        G = C[:p, :p].copy()
-        h = C[:p, p].copy()
-        condition[row] = condition_number(G)
-        x = _theta(C)
-        square = C[p, p]
-        for i in range(p):
-            square -= 2.0 * h[i] * x[i]
-            for c in range(p):
-                square += x[i] * G[i, c] * x[c]
-        rms[row] = np.sqrt(max(square, 0.0) / weight)
-        lam = smallest_root(G, h, C[p, p])
-        for i in range(p):
-            theta[row, i] = x[i] / scale[i]
-            G[i, i] -= lam
-        inverse = inverse_spd(G)
-        for i in range(p):
-            for c in range(p):
-                bread[row, i, c] = inverse[i, c] / (scale[i] * scale[c])
-    return theta, rms, condition, bread
-
-
-@njit(cache=True)
-def _deviations(
-    A: Floats, window: int, index: Ints, forgetting: float, bread: Floats, correlation: Floats
-) -> Floats:
-    """Root of diag G⁻¹ B G⁻¹ for residuals of variance 1; B is the discounted Aᵀ R A so far."""
-    rows = index.size
-    n, p = A.shape
-    fed = np.zeros(n, np.bool_)
-    B = np.zeros((p, p))
-    white = np.zeros((p, p))
-    std = np.empty((rows, p))
-    tail = np.empty(p)
-    for row in range(rows):
-        first = index[row] - window + 1
-        if row:
-            first = max(first, index[row - 1] + 1)
-        for k in range(first, index[row] + 1):
-            tail[:] = 0.5 * A[k]
-            discount = 1.0
-            for j in range(1, min(correlation.size, k + 1)):
-                discount *= forgetting
-                if fed[k - j]:
-                    for c in range(p):
-                        tail[c] += correlation[j] * discount * A[k - j, c]
-            fed[k] = True
-            # the first window enters undiscounted, as `start` takes it
-            decay = forgetting * forgetting if row else 1.0
-            for i in range(p):
-                for c in range(p):
-                    B[i, c] = decay * B[i, c] + A[k, i] * tail[c] + tail[i] * A[k, c]
-                    white[i, c] = decay * white[i, c] + A[k, i] * A[k, c]
-        cover = bread[row] @ B @ bread[row]
-        floor = bread[row] @ white @ bread[row]
-        for i in range(p):
-            # a tapered correlation need not be positive definite
-            std[row, i] = np.sqrt(max(cover[i, i], floor[i, i]))
-    return std
+            if seen[row + m] == i + 1:
+                for lane in range(past.size):
+                    at_rows[lane, m] = sums[lane, i - begin]
+                square[m] = weight
+                m += 1
+        begin = end
 
 
 def trace(
@@ -184,19 +158,27 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    theta, rms, condition, bread = _feed(
-        A, f, window, index, options.noise.scales(p), options.forgetting, begin.C, begin.weight
-    )
-    residual, fed = _residuals(A, f, theta, index, window)
+    rows, scale = index.size, options.noise.scales(p)
+    theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
+    entries = p * (p + 1) // 2
+    bread, meats, white = (np.empty((rows, entries)) for _ in range(3))
+    fed, seen = fed_samples(index, window)
+    past = packed(unscaled(begin, options))
+    decay = options.forgetting
+    _feed(A, f, fed, seen, scale, decay, past, begin.weight, theta, rms, condition, bread)
+    residual, owner = _residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, fed, 0)
-    std = _deviations(A, window, index, options.forgetting, bread, correlation)
-    std = std * np.sqrt(variance)
-    theta = np.where(np.isnan(std), np.nan, theta)
-    return Trace(index, theta, std, rms, condition, correlation)
+    correlation, variance = pooled_autocorrelation(residual, owner, 0)
+    for M, r in ((meats, correlation), (white, np.ones(1))):
+        one = np.zeros(window, np.int64)
+        of_first = meat(A[first], one, 0, 0, window - 1, r)
+        discounted_meats(A, A[first], fed, seen, int(index[0]), decay, decay**2, r, of_first, M)
+    std = np.empty((rows, p))
+    recursive_deviations(bread, meats, white, std)
+    return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
 
 
-@njit(cache=True)
+@compiled
 def _residuals(
     A: Floats, f: Floats, theta: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:

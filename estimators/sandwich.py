@@ -5,15 +5,26 @@ for correlated residuals as well. R = I gives the textbook formula.
 """
 
 import numpy as np
-from numba import njit
 
 from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import inverse_spd
-from estimators.rolling import window_sums
+from estimators.compiled import compiled
+from estimators.linear import at, factor, inverse_spd, invert
+from estimators.normal import normal_equations
+from estimators.rolling import (
+    add_prefix_sums,
+    lanes_of,
+    load_columns,
+    pair_of_blocks,
+    suffix_sums,
+    take,
+)
 from estimators.trace import Floats, Ints
 
+#: Rows of a recursive estimator that are worked on together.
+_ROWS = 512
 
-@njit(cache=True)
+
+@compiled
 def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
     """Aᵀ R A over the samples first … last that belong to group `of`: (p, p)."""
     p = A.shape[1]
@@ -34,26 +45,17 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
     return B
 
 
-@njit(cache=True)
 def deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
     """(p,) standard deviations from AᵀA, AᵀRA and the residual sum of squares.
 
     Never smaller than the textbook's: a tapered correlation need not be positive definite.
     """
     p = G.shape[0]
-    bread = inverse_spd(G)
-    BG = B @ bread
-    freedom = samples - np.trace(BG)
-    out = np.empty(p)
-    if not freedom > 0.5:
-        out[:] = np.nan
-        return out
-    scale = rss / freedom
-    cover = bread @ BG
-    textbook = rss / max(samples - p, 1.0)
-    for i in range(p):
-        out[i] = np.sqrt(max(scale * cover[i, i], textbook * bread[i, i]))
-    return out
+    bread = inverse_spd(G).reshape(p, p, 1)
+    meats = B[np.triu_indices(p)].reshape(-1, 1)
+    out = np.empty((1, p))
+    _deviate(bread, meats, np.array([rss]), samples, 1, out)
+    return out[0]
 
 
 def window_deviation(
@@ -74,68 +76,6 @@ def window_deviation(
     return deviations(gram, B, float(residual @ residual), float(residual.size))
 
 
-@njit(cache=True)
-def window_meats(A: Floats, index: Ints, window: int, correlation: Floats) -> Floats:
-    """Aᵀ R A of the windows that end at `index`, (rows, p, p), at a cost that W does not enter.
-
-    Per sample, its products with itself and with the samples before it, weighed by their
-    correlation, are summed over the window without a subtraction (`estimators.rolling`). That
-    counts pairs that reach over the window's start; these are carried along as the window slides,
-    and counted afresh once a window so that rounding does not pile up.
-    """
-    n, p = A.shape
-    lags = correlation.size
-    q = p * (p + 1) // 2
-    # what no window holds must not leave a rounding error behind
-    Z = np.zeros((n, p))
-    held = -1
-    for row in range(index.size):
-        for k in range(max(held + 1, index[row] - window + 1), index[row] + 1):
-            Z[k] = A[k]
-        held = index[row]
-    before = np.zeros((n, p))
-    after = np.zeros((n, p))
-    for k in range(n):
-        for j in range(1, min(lags, k + 1)):
-            for c in range(p):
-                before[k, c] += correlation[j] * Z[k - j, c]
-                after[k - j, c] += correlation[j] * Z[k, c]
-    terms = np.empty((n, q))
-    across = np.zeros((n, q))
-    for k in range(n):
-        if k > 0 and k % window == 0:
-            # every pair of a sample before k and one from k on
-            for i in range(k, min(k + lags - 1, n)):
-                for j in range(i - k + 1, min(lags, i + 1)):
-                    m = 0
-                    for r in range(p):
-                        for c in range(r, p):
-                            pair = Z[i, r] * Z[i - j, c] + Z[i - j, r] * Z[i, c]
-                            across[k, m] += correlation[j] * pair
-                            m += 1
-        m = 0
-        for r in range(p):
-            for c in range(r, p):
-                pair = Z[k, r] * before[k, c] + before[k, r] * Z[k, c]
-                terms[k, m] = Z[k, r] * Z[k, c] + pair
-                if k + 1 < n and (k + 1) % window != 0:
-                    ahead = Z[k, r] * after[k, c] + after[k, r] * Z[k, c]
-                    across[k + 1, m] = across[k, m] + ahead - pair
-                m += 1
-    sums = window_sums(terms, window)
-    out = np.empty((index.size, p, p))
-    for row in range(index.size):
-        m = 0
-        for r in range(p):
-            for c in range(r, p):
-                value = sums[index[row], m] - across[index[row] - window + 1, m]
-                out[row, r, c] = value
-                out[row, c, r] = value
-                m += 1
-    return out
-
-
-@njit(cache=True)
 def window_deviations(
     A: Floats, grams: Floats, rss: Floats, index: Ints, window: int, correlation: Floats
 ) -> Floats:
@@ -143,17 +83,167 @@ def window_deviations(
 
     Args:
         A: (n, p) regressor.
-        grams: (rows, p, p) what stands for AᵀA in each window.
+        grams: (rows, p(p+1)/2) packed, what stands for AᵀA in each window.
         rss: (rows,) residual sum of squares of each window.
         index: (rows,) last sample of each window.
         window: samples in a window.
-        correlation: (lags,) residual autocorrelation, 1 first.
+        correlation: (lags,) residual autocorrelation, 1 first; at most half a window of lags.
 
     Returns:
         (rows, p) standard deviations.
     """
-    meats = window_meats(A, index, window, correlation)
     out = np.empty((index.size, A.shape[1]))
-    for row in range(index.size):
-        out[row] = deviations(grams[row], meats[row], rss[row], float(window))
+    _window_deviations(A, grams, rss, index, window, correlation, out)
     return out
+
+
+@compiled
+def _window_deviations(
+    A: Floats,
+    grams: Floats,
+    rss: Floats,
+    index: Ints,
+    window: int,
+    correlation: Floats,
+    out: Floats,
+) -> None:
+    """Aᵀ R A of each window at a cost that W does not enter, and the deviations that follow.
+
+    The pairs of correlated samples inside a window are those inside its part of the first block,
+    those inside its part of the second, and those across; the latter are counted with the longer
+    part. So they are sums of two scans as well (see `estimators.rolling`).
+    """
+    p = A.shape[1]
+    entries = p * (p + 1) // 2
+    lanes = lanes_of(entries)
+    z = np.zeros((p + 1, 2 * window))
+    near = np.zeros((p, 2 * window))
+    terms = np.zeros((lanes, 2 * window))
+    meats = np.empty((lanes, window))
+    G = np.empty((entries, window))
+    normal = normal_equations(p, window)
+    bread = np.empty((p, p, window))
+    square = np.empty(window)
+    row = 0
+    while row < index.size:
+        first, end = pair_of_blocks(window, index, row)
+        # the windows that have more of the first block, then those that have more of the second
+        middle = row
+        while middle < end and index[middle] < first + window + window // 2:
+            middle += 1
+        for begin, stop in ((row, middle), (middle, end)):
+            m = stop - begin
+            if m > 0:
+                _sum_pairs(A, window, index, first, begin, stop, correlation, z, near, terms, meats)
+                for entry in range(entries):
+                    for k in range(m):
+                        G[entry, k] = grams[begin + k, entry]
+                for k in range(m):
+                    square[k] = rss[begin + k]
+                factor(G, p, p, m, normal.L, normal.inverse)
+                invert(normal.L, normal.inverse, m, bread)
+                _deviate(bread, meats, square, float(window), m, out[begin:stop])
+        row = end
+
+
+@compiled
+def _sum_pairs(
+    A: Floats,
+    window: int,
+    index: Ints,
+    first: int,
+    begin: int,
+    end: int,
+    correlation: Floats,
+    z: Floats,
+    near: Floats,
+    terms: Floats,
+    meats: Floats,
+) -> None:
+    """Aᵀ R A of the windows begin … end - 1, which all hold more of one of the two blocks."""
+    p = A.shape[1]
+    lags = correlation.size
+    start = index[begin] - window + 1
+    samples = index[end - 1] + 1 - start
+    span = samples - window + 1
+    left = first + window - start
+    long_first = 2 * left >= window
+    load_columns(A, start, samples, z)
+    # each sample's correlated neighbours, counted with the later one of a pair in the second
+    # block and with the earlier one in the first; across, with the one in the shorter part
+    for c in range(p):
+        near[c, :samples] = 0.0
+        for lag in range(1, min(lags, samples)):
+            r = correlation[lag]
+            stop = left - lag if long_first else min(left, samples - lag)
+            total, x = near[c], z[c, lag:]
+            for k in range(stop):
+                total[k] += r * x[k]
+            begins = left if long_first else left + lag
+            total, x = near[c, begins:], z[c, begins - lag :]
+            for k in range(samples - begins):
+                total[k] += r * x[k]
+    for i in range(p):
+        for j in range(i, p):
+            term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
+            for k in range(samples):
+                term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
+    suffix_sums(terms, left, meats)
+    add_prefix_sums(terms, left, window - left, span, meats)
+    take(meats, index, begin, end)
+
+
+@compiled
+def _deviate(
+    bread: Floats, meats: Floats, rss: Floats, samples: float, m: int, out: Floats
+) -> None:
+    """Standard deviations (m, p) from inverses (p, p, m), packed meats and RSS (m,)."""
+    p = bread.shape[0]
+    for k in range(m):
+        trace = 0.0
+        for i in range(p):
+            for j in range(p):
+                trace += meats[at(min(i, j), max(i, j), p), k] * bread[i, j, k]
+        freedom = samples - trace
+        for i in range(p):
+            cover = 0.0
+            for r in range(p):
+                for c in range(p):
+                    B = meats[at(min(r, c), max(r, c), p), k]
+                    cover += bread[i, r, k] * B * bread[i, c, k]
+            textbook = rss[k] / max(samples - p, 1.0)
+            variance = max(rss[k] / freedom * cover, textbook * bread[i, i, k])
+            out[k, i] = np.sqrt(variance) if freedom > 0.5 else np.nan
+
+
+@compiled
+def recursive_deviations(grams: Floats, meats: Floats, white: Floats, out: Floats) -> None:
+    """Roots of diag G⁻¹ M G⁻¹, (rows, p), for residuals of variance 1; never below `white`'s.
+
+    Args:
+        grams: (rows, entries) packed G.
+        meats: (rows, entries) packed M; a tapered correlation need not leave it positive.
+        white: (rows, entries) packed M of uncorrelated residuals.
+        out: (rows, p).
+    """
+    rows, p = out.shape
+    G = np.empty((grams.shape[1], _ROWS))
+    normal = normal_equations(p, _ROWS)
+    bread = np.empty((p, p, _ROWS))
+    for begin in range(0, rows, _ROWS):
+        m = min(_ROWS, rows - begin)
+        for entry in range(G.shape[0]):
+            for k in range(m):
+                G[entry, k] = grams[begin + k, entry]
+        factor(G, p, p, m, normal.L, normal.inverse)
+        invert(normal.L, normal.inverse, m, bread)
+        for k in range(m):
+            for i in range(p):
+                cover = floor = 0.0
+                for r in range(p):
+                    for c in range(p):
+                        both = bread[i, r, k] * bread[i, c, k]
+                        entry = at(min(r, c), max(r, c), p)
+                        cover += both * meats[begin + k, entry]
+                        floor += both * white[begin + k, entry]
+                out[begin + k, i] = np.sqrt(max(cover, floor))

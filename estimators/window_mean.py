@@ -7,24 +7,28 @@ whatever the overlap.
 """
 
 import numpy as np
-from numba import njit
 
-from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import inverse_spd
-from estimators.ls import solve_windows, window_residuals
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.compiled import compiled
+from estimators.linear import at, inverse_spd
+from estimators.ls import solve_windows
 from estimators.sandwich import meat
 from estimators.trace import Floats, Ints
 
 
-@njit(cache=True)
+@compiled
 def _weights(
     A: Floats, grams: Floats, share: Floats, index: Ints, window: int
 ) -> tuple[Floats, Ints]:
     """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others."""
     n, p = A.shape
     steps = np.zeros((n + 1, p, p))
+    gram = np.empty((p, p))
     for row in range(index.size):
-        inverse = inverse_spd(grams[row]) * share[row]
+        for i in range(p):
+            for j in range(i, p):
+                gram[i, j] = gram[j, i] = grams[row, at(i, j, p)]
+        inverse = inverse_spd(gram) * share[row]
         steps[index[row] - window + 1] += inverse
         steps[index[row] + 1] -= inverse
     cover = np.zeros((p, p))

@@ -6,26 +6,48 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
-from estimators.rolling import products, unpack, window_sums
+from estimators import ls
+from estimators.linear import at
+from estimators.rolling import sum_windows, window_ends, workspace
 
 numbers = st.floats(-1e6, 1e6)
 
 
+def window_sums(x, window, ends=None):
+    """Σx² of every window of x, or of those that end at `ends`."""
+    index = np.arange(window - 1, x.size) if ends is None else np.asarray(ends)
+    work = workspace(2, window)
+    sums, row = [], 0
+    while row < index.size:
+        end = sum_windows(x[:, None], np.zeros(x.size), window, index, row, work)
+        sums.extend(work.products[0, : end - row])
+        row = end
+    return np.array(sums)
+
+
 def exact_sums(x, window):
-    return [math.fsum(x[k - window + 1 : k + 1]) for k in range(window - 1, x.size)]
+    return [math.fsum(x[k - window + 1 : k + 1] ** 2) for k in range(window - 1, x.size)]
 
 
 @settings(deadline=None)
-@given(st.lists(numbers, min_size=1, max_size=60), st.integers(1, 70))
-def test_every_window_is_the_exact_sum_and_incomplete_ones_are_nan(x, window):
+@given(st.lists(numbers, min_size=1, max_size=60), st.integers(1, 60))
+def test_every_window_is_the_exact_sum(x, window):
     x = np.array(x)
-    sums = window_sums(x[:, None], window)[:, 0]
-    assert np.isnan(sums[: window - 1]).all()
-    np.testing.assert_allclose(
-        sums[window - 1 :], exact_sums(x, window), rtol=0, atol=1e-15 * np.abs(x).sum()
-    )
+    if window <= x.size:
+        sums = window_sums(x, window)
+        assert sums.size == x.size - window + 1
+        np.testing.assert_allclose(sums, exact_sums(x, window), rtol=1e-12)
+
+
+@given(st.data())
+def test_a_window_gives_the_same_bits_whichever_others_are_asked_for(data):
+    x = np.random.default_rng(7).normal(3.0, 1.0, 90)
+    window = data.draw(st.integers(1, 30))
+    ends = data.draw(st.sets(st.integers(window - 1, 89), min_size=1))
+    index = np.array(sorted(ends))
+    every = window_sums(x, window)
+    np.testing.assert_array_equal(window_sums(x, window, index), every[index - window + 1])
 
 
 def test_an_idle_stretch_after_large_values_keeps_all_digits():
@@ -33,14 +55,12 @@ def test_an_idle_stretch_after_large_values_keeps_all_digits():
     busy = generator.normal(0, 1e8, 5000)
     idle = generator.normal(0, 1e-6, 5000)
     x = np.concatenate([busy, idle, busy, idle])
-    sums = window_sums((x**2)[:, None], 320)[319:, 0]
-    np.testing.assert_allclose(sums, exact_sums(x**2, 320), rtol=1e-13)
+    np.testing.assert_allclose(window_sums(x, 320), exact_sums(x, 320), rtol=1e-12)
 
 
 def test_a_huge_offset_costs_no_more_digits_than_the_number_itself():
     x = 1e12 + np.random.default_rng(2).normal(size=3000)
-    sums = window_sums(x[:, None], 100)[99:, 0]
-    np.testing.assert_allclose(sums, exact_sums(x, 100), rtol=1e-14)
+    np.testing.assert_allclose(window_sums(x, 100), exact_sums(x, 100), rtol=1e-14)
 
 
 @settings(deadline=None)
@@ -50,32 +70,28 @@ def test_a_huge_offset_costs_no_more_digits_than_the_number_itself():
     st.sampled_from([math.nan, math.inf, -math.inf]),
 )
 @example(12, 0, math.nan)
-def test_a_sample_that_is_no_number_spoils_only_the_windows_that_hold_it(window, at, bad):
+def test_a_sample_that_is_no_number_spoils_only_the_windows_that_hold_it(window, where, bad):
     x = np.random.default_rng(3).normal(size=40)
-    clean = window_sums(x[:, None], window)[:, 0]
-    x[at] = bad
-    sums = window_sums(x[:, None], window)[:, 0]
-    holds = np.zeros(40, bool)
-    holds[at : at + window] = True
+    clean = window_sums(x, window)
+    x[where] = bad
+    sums = window_sums(x, window)
+    ends = np.arange(window - 1, 40)
+    holds = (ends >= where) & (ends < where + window)
     assert not np.isfinite(sums[holds]).any()
     np.testing.assert_array_equal(sums[~holds], clean[~holds])
 
 
-def test_columns_are_summed_apart():
-    x = np.random.default_rng(4).normal(size=(50, 3))
-    x[20, 1] = np.nan
-    sums = window_sums(x, 7)
-    for column in range(3):
-        alone = window_sums(np.ascontiguousarray(x[:, [column]]), 7)
-        np.testing.assert_array_equal(sums[:, [column]], alone)
-
-
 @pytest.mark.parametrize("p", [1, 2, 3])
-@given(data=st.data())
-def test_products_unpack_to_the_normal_equations(p, data):
-    A = data.draw(arrays.arrays(np.float64, (8, p), elements=numbers))
-    f = data.draw(arrays.arrays(np.float64, 8, elements=numbers))
-    G, h, ff = unpack(products(A, f).sum(axis=0), p)
-    np.testing.assert_allclose(G, A.T @ A, rtol=1e-12, atol=1e-3)
-    np.testing.assert_allclose(h, A.T @ f, rtol=1e-12, atol=1e-3)
-    assert ff == pytest.approx(f @ f, abs=1e-3)
+def test_the_packed_sums_are_those_of_the_normal_equations(p):
+    generator = np.random.default_rng(4)
+    A, f = generator.normal(1.0, 1.0, (500, p)), generator.normal(size=500)
+    index = window_ends(np.arange(500) % 3 == 0, 40)
+    theta, grams, rss, _ = ls.solve_windows(A, f, 40, index)
+    for row, k in enumerate(index):
+        a, y = A[k - 39 : k + 1], f[k - 39 : k + 1]
+        G = a.T @ a
+        for i in range(p):
+            for j in range(i, p):
+                assert grams[row, at(i, j, p)] == pytest.approx(G[i, j], rel=1e-12)
+        np.testing.assert_allclose(theta[row], np.linalg.lstsq(a, y)[0], rtol=1e-10)
+        assert rss[row] == pytest.approx(((y - a @ theta[row]) ** 2).sum(), rel=1e-10)

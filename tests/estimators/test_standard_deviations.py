@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from estimators import ls, pooled, rls
-from estimators.autocorrelation import disjoint_windows, pooled_autocorrelation
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.sandwich import deviations, meat
 from estimators.window_mean import mean_estimate
 
@@ -170,6 +170,9 @@ def test_lags_never_join_two_groups():
 
 
 def test_windows_that_share_samples_are_thinned_to_disjoint_ones_first_come_first():
-    owner = disjoint_windows(np.array([4, 5, 9, 10, 19]), 22, 5)
+    A, f = np.ones((22, 1)), np.arange(22.0)
+    index = np.array([4, 5, 9, 10, 19])
+    residual, owner = window_residuals(A, f, np.arange(5.0)[:, None], index, 5)
     expected = [0] * 5 + [2] * 5 + [-1] * 5 + [4] * 5 + [-1] * 2
     np.testing.assert_array_equal(owner, expected)
+    np.testing.assert_array_equal(residual, np.where(owner < 0, 0.0, f - owner))

@@ -123,6 +123,35 @@ class TestHusky:
         assert refused.frames["masses"]["mass_kg"].null_count() == 5
         assert refused.frames["masses"]["withheld"].all()
 
+    @pytest.mark.parametrize(
+        "loose",
+        [
+            pytest.param((), id="as shipped"),
+            pytest.param(
+                (
+                    "settings.standstill_speed_m_s=0.3",
+                    "settings.window_samples=100",
+                    "settings.threshold_nat=0",
+                ),
+                id="creeping turns taken as spins and the gate wide open",
+            ),
+        ],
+    )
+    def test_turns_with_unsigned_currents_tell_no_inertia_and_no_centre_of_mass(
+        self, shared_data: Path, loose: tuple[str, ...]
+    ) -> None:
+        turns = 'channels.yaw_acc_rad_s2.derive="d/dt yaw_rate_rad_s"'
+        log = shared_data / "logs/husky_asphalt.bag"
+        refused = replay(log, "husky_imu.toml", (turns, *loose))
+        assert refused.frames["gate"]["accepted_z"].any() == bool(loose)
+        assert refused.frames["masses"]["inertia_z_kg_m2"].null_count() == 5
+        assert refused.frames["masses"]["withheld_z"].all()
+        planar = refused.frames["planar"]
+        assert planar.height
+        assert planar["withheld"].all()
+        assert planar["com_x_m"].null_count() == planar.height
+        assert answer(refused)["verdict"]["tells_inertia"] is False
+
     def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
         self, shared_data: Path
     ) -> None:

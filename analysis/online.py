@@ -1,0 +1,217 @@
+"""On board: the gate and the estimators a row of `excitation` at a time, as the replay has them.
+
+State in, state out: a step takes bounded time and memory, and from `excitation` on every decision
+of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
+`estimators.online`): what the replay pools over the log is not known yet. A manoeuvre's pooled
+estimate comes when the manoeuvre is over and no braking can claim its last samples any more.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.moment import Moment, Watch, start_watch, watch
+from analysis.regressor import X
+from analysis.settings import Settings
+from analysis.trace import options_of
+from estimators import online
+from estimators.trace import Estimate
+
+Floats = NDArray[np.float64]
+
+
+class Standing(NamedTuple):
+    """An estimate and the number of the row at which it stands."""
+
+    row: int
+    estimate: Estimate
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A sample inside an accepted window that a braking which follows may still claim."""
+
+    row: int
+    segment_id: int
+    sample: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """All that is kept between two rows.
+
+    Attributes:
+        settings: window, gate, methods.
+        window: the last `window_samples` rows and their sums.
+        watched: what the gate remembers of the rows.
+        pasts: of the recursive methods, by name.
+        accepted_row: the last row whose window was accepted, -1 before the first.
+        segments: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
+        standing: whether those rows stand.
+        pending: samples that will be pooled unless braking follows.
+        pool: the samples pooled into the manoeuvre `pooled_id` so far, the last being `pooled_row`.
+    """
+
+    settings: Settings
+    window: online.WindowState
+    watched: Watch
+    pool: online.Pool
+    segments: tuple[int, ...]
+    standing: tuple[bool, ...]
+    pasts: Mapping[str, Any] = field(default_factory=dict)
+    accepted_row: int = -1
+    pending: tuple[Pending, ...] = ()
+    pooled_id: int = -1
+    pooled_row: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one row leads to.
+
+    Attributes:
+        state: to step on from.
+        moment: what the gate saw in the window that ends here, and what it decided.
+        estimates: by method; the windowed and recursive ones at every accepted row, `pooled` when
+            a manoeuvre is over.
+    """
+
+    state: State
+    moment: Moment
+    estimates: Mapping[str, Standing]
+
+
+def start(settings: Settings) -> State:
+    """Before the first row."""
+    parameters = 3 if settings.coulomb else 2
+    window = settings.window_samples
+    return State(
+        settings,
+        online.start_window(parameters, window),
+        start_watch(settings),
+        online.start_pool(parameters),
+        (-1,) * window,
+        (False,) * window,
+    )
+
+
+def step(state: State, row: Mapping[str, Any]) -> Step:
+    """Take one row of `excitation`, as `DataFrame.iter_rows(named=True)` gives it.
+
+    Args:
+        state: after the row before; it is left as it was.
+        row: the regressor, the force, the phase and what the settings ask for; None is missing.
+    """
+    settings = state.settings
+    names = ["regressor_acc_x_m_s2", "speed_x_m_s"]
+    names += ["direction_x_1"] if settings.coulomb else []
+    sample = np.array([number(row.get(name)) for name in (*names, "force_x_N")])
+    window = online.step_window(state.window, sample)
+    moment, watched = watch(state.watched, window, row, settings)
+    state = replace(
+        state,
+        window=window,
+        watched=watched,
+        segments=(*state.segments[1:], watched.segment_id if watched.known else -1),
+        standing=(*state.standing[1:], row["phase"] == "standstill"),
+    )
+    estimates: dict[str, Standing] = {}
+    if moment.accepted:
+        state, estimates = _estimate(state, watched.row)
+    if "pooled" in settings.methods:
+        state, finished = _pool(state, watched.row)
+        estimates |= finished
+    return Step(state, moment, estimates)
+
+
+def finish(state: State) -> Mapping[str, Standing]:
+    """The pooled estimate of a manoeuvre that the end of the log cuts off, if there is one."""
+    for pending in state.pending:
+        state = _add(state, pending)
+    return _standing(state)
+
+
+def number(value: float | None) -> float:
+    """A cell as a float, NaN where it is missing."""
+    return np.nan if value is None else float(value)
+
+
+def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
+    """Every method but `pooled` on the window that ends at `row`, which was accepted."""
+    settings, window = state.settings, state.window
+    newest = min(row - state.accepted_row, settings.window_samples)
+    mean = settings.smooth_samples
+    options = options_of(X, settings)
+    estimates: dict[str, Standing] = {}
+    pasts = dict(state.pasts)
+    for method in settings.methods:
+        past = pasts.get(method)
+        match method:
+            case "ls":
+                estimate = online.ls(window, mean)
+            case "fgls":
+                estimate = online.fgls(window, mean, options.fgls)
+            case "tls":
+                estimate = online.tls(window, mean, options.tls)
+            case "huber":
+                estimate = online.huber(window, mean, options.huber)
+            case "rls":
+                follow = online.directional_rls if options.rls.directional else online.rls
+                pasts[method], estimate = follow(window, past, newest, mean, options.rls)
+            case "rtls":
+                pasts[method], estimate = online.rtls(window, past, newest, mean, options.rtls)
+            case "pooled":
+                continue
+        estimates[method] = Standing(row, estimate)
+    if "pooled" in settings.methods:
+        state = _pending(state, row, newest)
+    return replace(state, pasts=pasts, accepted_row=row), estimates
+
+
+def _pending(state: State, row: int, newest: int) -> State:
+    """The newest samples of an accepted window will be pooled, unless they stand."""
+    pending = [
+        Pending(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
+        for back in range(newest, 0, -1)
+        if not state.standing[-back]
+    ]
+    return replace(state, pending=(*state.pending, *pending))
+
+
+def _pool(state: State, row: int) -> tuple[State, Mapping[str, Standing]]:
+    """Pool the samples that no braking can claim any more; an estimate if a manoeuvre is over."""
+    watched = state.watched
+    waiting = list(state.pending)
+    while waiting and row - waiting[0].row >= watched.braking_lag - 1:
+        first = waiting.pop(0)
+        if watched.last_braking < first.row:
+            state = _add(state, first)
+    state = replace(state, pending=tuple(waiting))
+    over = not watched.known or watched.segment_id != state.pooled_id
+    if over and not any(each.segment_id == state.pooled_id for each in waiting):
+        return replace(state, pool=_empty(state), pooled_id=-1), _standing(state)
+    return state, {}
+
+
+def _add(state: State, pending: Pending) -> State:
+    return replace(
+        state,
+        pool=state.pool.add(pending.sample),
+        pooled_id=pending.segment_id,
+        pooled_row=pending.row,
+    )
+
+
+def _empty(state: State) -> online.Pool:
+    return online.start_pool(len(state.window.z) - 1)
+
+
+def _standing(state: State) -> Mapping[str, Standing]:
+    if state.pool.samples == 0:
+        return {}
+    return {
+        "pooled": Standing(state.pooled_row, state.pool.estimate(state.settings.smooth_samples))
+    }

@@ -1,0 +1,146 @@
+"""Forgetting along the new sample's direction alone (Bittanti, Bolzern, Campi 1990).
+
+What is forgotten depends on the covariance, so that there is no discounted sum to solve: the
+recursion runs in its covariance form, and its error's covariance by the error's own equation.
+"""
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.linear import inverse_spd
+from estimators.trace import Floats, Ints
+
+
+@compiled
+def _learn(P: Floats, a: Floats, forgetting: float) -> Floats:
+    """The gain of a sample; P is updated in place."""
+    p = a.size
+    Pa = np.zeros(p)
+    r = 0.0
+    for i in range(p):
+        for c in range(p):
+            Pa[i] += P[i, c] * a[c]
+        r += a[i] * Pa[i]
+    beta = forgetting - (1.0 - forgetting) / r if r > 0.0 else 0.0
+    shrink = beta / (1.0 + beta * r)
+    for i in range(p):
+        for c in range(i + 1):
+            P[i, c] -= shrink * Pa[i] * Pa[c]
+            P[c, i] = P[i, c]
+    return Pa / (1.0 + r)
+
+
+@compiled
+def feed(
+    A: Floats,
+    f: Floats,
+    window: int,
+    index: Ints,
+    forgetting: float,
+    theta: Floats,
+    P: Floats,
+    sums: tuple[float, float],
+) -> tuple[Floats, Floats, Floats, Floats, tuple[Floats, float, float]]:
+    """Steps over the union of the windows in index; θ, r.m.s., P⁻¹, residuals and what is kept."""
+    rows = index.size
+    p = theta.size
+    square, weight = sums
+    out = np.empty((rows, p))
+    rms = np.empty(rows)
+    information = np.empty((rows, p, p))
+    residual = np.full(f.size, np.nan)
+    theta = theta.copy()
+    P = P.copy()
+    for row in range(rows):
+        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
+        for k in range(first, index[row] + 1):
+            error = f[k]
+            for c in range(p):
+                error -= A[k, c] * theta[c]
+            gain = _learn(P, A[k], forgetting)
+            after = f[k]
+            for c in range(p):
+                theta[c] += gain[c] * error
+                after -= A[k, c] * theta[c]
+            square = forgetting * square + error * after
+            weight = forgetting * weight + 1.0
+            residual[k] = after
+        out[row] = theta
+        rms[row] = np.sqrt(max(square, 0.0) / weight)
+        information[row] = inverse_spd(P)
+    return out, rms, information, residual, (P, square, weight)
+
+
+@compiled
+def deviations(
+    A: Floats,
+    window: int,
+    index: Ints,
+    forgetting: float,
+    P: Floats,
+    cover: Floats,
+    ahead: Floats,
+    correlation: Floats,
+) -> Floats:
+    """Standard deviations for residuals of variance 1, by the recursion's own error equation.
+
+    With F = I - K aᵀ the error obeys e ← F e + K u. Its covariance needs what e shares with the
+    residual that comes next, which the correlation of the residuals carries along:
+    `ahead[j]` = cov(e, u of the sample j + 1 ahead).
+
+    Args:
+        A: (n, p) regressor.
+        window: samples in a window.
+        index: (rows,) last samples of the accepted windows.
+        forgetting: λ.
+        P: (p, p) at the end of the first window.
+        cover: (p, p) covariance of the first estimate.
+        ahead: (lags, p) its covariance with the residuals that follow.
+        correlation: (lags,) residual autocorrelation, 1 first.
+    """
+    rows = index.size
+    p = A.shape[1]
+    lags = correlation.size
+    P = P.copy()
+    S = cover.copy()
+    C = ahead.copy()
+    F = np.empty((p, p))
+    half = np.empty((p, p))
+    share = np.empty(p)
+    moved = np.empty(p)
+    std = np.empty((rows, p))
+    last = index[0]
+    for row in range(rows):
+        first = max(index[row - 1] + 1, index[row] - window + 1) if row else index[0] + 1
+        for k in range(first, index[row] + 1):
+            gap = k - last - 1
+            last = k
+            gain = _learn(P, A[k], forgetting)
+            for i in range(p):
+                for c in range(p):
+                    F[i, c] = (1.0 if i == c else 0.0) - gain[i] * A[k, c]
+            for i in range(p):
+                share[i] = 0.0
+                for c in range(p):
+                    half[i, c] = 0.0
+                    for d in range(p):
+                        half[i, c] += F[i, d] * S[d, c]
+                    if gap < lags:
+                        share[i] += F[i, c] * C[gap, c]
+            for i in range(p):
+                for c in range(p):
+                    S[i, c] = share[i] * gain[c] + gain[i] * share[c] + gain[i] * gain[c]
+                    for d in range(p):
+                        S[i, c] += half[i, d] * F[c, d]
+            for j in range(lags):
+                # ascending, so that what is read has not been moved yet
+                for i in range(p):
+                    moved[i] = gain[i] * correlation[j + 1] if j + 1 < lags else 0.0
+                    if j + 1 + gap < lags:
+                        for c in range(p):
+                            moved[i] += F[i, c] * C[j + 1 + gap, c]
+                for i in range(p):
+                    C[j, i] = moved[i]
+        for i in range(p):
+            std[row, i] = np.sqrt(max(S[i, i], 0.0))
+    return std

@@ -1,0 +1,185 @@
+"""What the recursive estimators share: the samples they are fed, and sums of a discounted past.
+
+Sliding windows share samples, so each sample is fed once, over the union of the accepted windows:
+first the whole first window, then after each accepted window the samples that it adds.
+"""
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.linear import at
+from estimators.rolling import lanes_of, load_columns, sample_products
+from estimators.trace import Floats, Ints
+
+#: Samples that are fed between two looks at the rows: their sums stay in the fastest cache.
+CHUNK = 512
+
+
+@compiled
+def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
+    """What is fed after the first window: (fed,) samples, (rows,) how many each row has seen."""
+    rows = index.size
+    seen = np.zeros(rows, np.int64)
+    for row in range(1, rows):
+        new = min(index[row] - index[row - 1], window)
+        seen[row] = seen[row - 1] + new
+    fed = np.empty(seen[rows - 1], np.int64)
+    for row in range(1, rows):
+        for i in range(seen[row - 1], seen[row]):
+            fed[i] = index[row] + 1 - (seen[row] - i)
+    return fed, seen
+
+
+@compiled
+def stretch_end(fed: Ints, begin: int) -> int:
+    """The end of the stretch of consecutive samples from fed[begin] on, `CHUNK` at most."""
+    end = begin + 1
+    while end < fed.size and end - begin < CHUNK and fed[end] == fed[end - 1] + 1:
+        end += 1
+    return end
+
+
+@compiled
+def discount(terms: Floats, count: int, forgetting: float, past: Floats, sums: Floats) -> None:
+    """Sums λ s + term over `count` terms (lanes, ≥ count); past (lanes,) is s before and after."""
+    for lane in range(0, past.size, 3):
+        a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
+        x, y, z = sums[lane, :count], sums[lane + 1, :count], sums[lane + 2, :count]
+        s, t, u = past[lane], past[lane + 1], past[lane + 2]
+        for k in range(count):
+            s = forgetting * s + a[k]
+            t = forgetting * t + b[k]
+            u = forgetting * u + c[k]
+            x[k] = s
+            y[k] = t
+            z[k] = u
+        past[lane], past[lane + 1], past[lane + 2] = s, t, u
+
+
+@compiled
+def packed(G: Floats) -> Floats:
+    """A symmetric matrix (size, size) as the lanes of a discounted sum."""
+    size = G.shape[0]
+    past = np.zeros(lanes_of(size * (size + 1) // 2))
+    for i in range(size):
+        for j in range(i, size):
+            past[at(i, j, size)] = G[i, j]
+    return past
+
+
+@compiled
+def discounted_meats(
+    A: Floats,
+    first: Floats,
+    fed: Ints,
+    seen: Ints,
+    start: int,
+    forgetting: float,
+    decay: float,
+    correlation: Floats,
+    meat: Floats,
+    out: Floats,
+) -> None:
+    """The discounted Aᵀ R A of the past at each row: what the errors of Aᵀf vary by.
+
+    Args:
+        A: (n, p) regressor.
+        first: (window, p) what stands for A in the first window, which enters undiscounted.
+        fed: (fed,) samples fed after it, and
+        seen: (rows,) how many of them each row has seen.
+        start: last sample of the first window.
+        forgetting: λ, the weight of a sample over that of the next.
+        decay: what the sum falls by a sample: λ², or λ for the weights' own sum.
+        correlation: (lags,) residual autocorrelation, 1 first.
+        meat: (p, p) of the first window.
+        out: (rows, entries) packed.
+    """
+    p = A.shape[1]
+    entries = p * (p + 1) // 2
+    lags = correlation.size
+    fading = np.empty(lags)
+    fading[0] = 1.0
+    for lag in range(1, lags):
+        fading[lag] = fading[lag - 1] * forgetting
+    past = packed(meat)
+    out[0] = past[:entries]
+    z, near = np.empty((p, CHUNK)), np.empty((p, CHUNK))
+    terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
+    row = 1
+    stretch = begin = 0
+    while begin < fed.size:
+        if begin > 0 and fed[begin] != fed[begin - 1] + 1:
+            stretch = begin
+        end = stretch_end(fed, begin)
+        count = end - begin
+        load_columns(A, fed[begin], count, z)
+        for c in range(p):
+            total = near[c]
+            for k in range(count):
+                total[k] = 0.5 * z[c, k]
+            for lag in range(1, min(lags, end - stretch)):
+                skip = max(0, stretch + lag - begin)
+                r = correlation[lag] * fading[lag]
+                before = A[fed[begin] + skip - lag : fed[end - 1] - lag + 1]
+                later = total[skip:]
+                for k in range(count - skip):
+                    later[k] += r * before[k, c]
+        # near the start of a stretch, the stretches before it and the first window
+        for k in range(max(0, min(count, stretch + lags - begin))):
+            for back in range(begin + k - stretch + 1, lags):
+                i = begin + k - back
+                sample = fed[i] if i >= 0 else start + 1 + i
+                if fed[begin + k] - sample >= lags or i < -first.shape[0]:
+                    break
+                r = correlation[fed[begin + k] - sample] * fading[min(back, begin + k + 1)]
+                for c in range(p):
+                    near[c, k] += r * (A[sample, c] if i >= 0 else first[i, c])
+        for i in range(p):
+            for j in range(i, p):
+                term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
+                for k in range(count):
+                    term[k] = x[k] * v[k] + u[k] * y[k]
+        discount(terms, count, decay, past, sums)
+        while row < seen.size and seen[row] <= end:
+            for entry in range(entries):
+                out[row, entry] = sums[entry, seen[row] - 1 - begin]
+            row += 1
+        begin = end
+
+
+@compiled
+def feed_products(
+    A: Floats,
+    f: Floats,
+    fed: Ints,
+    begin: int,
+    forgetting: float,
+    past: Floats,
+    z: Floats,
+    terms: Floats,
+    sums: Floats,
+) -> int:
+    """Discounted products of the columns of [A f] after each sample of the stretch from `begin`.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        fed: (fed,) the samples, of which those before `begin` are in `past`.
+        begin: the first to feed.
+        forgetting: λ.
+        past: (lanes,) packed sums before and after.
+        z: (p + 1, CHUNK) gets the samples,
+        terms: (lanes, CHUNK) their products,
+        sums: (lanes, CHUNK) the discounted sums.
+
+    Returns:
+        The end of the stretch.
+    """
+    p = A.shape[1]
+    end = stretch_end(fed, begin)
+    count = end - begin
+    load_columns(A, fed[begin], count, z)
+    z[p, :count] = f[fed[begin] : fed[begin] + count]
+    sample_products(z, count, terms)
+    discount(terms, count, forgetting, past, sums)
+    return end

@@ -1,0 +1,188 @@
+"""On board and in replay: the same decisions, and the same θ bit for bit."""
+
+import copy
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from analysis import online
+from analysis.gate import gate
+from analysis.segments import pooled_samples
+from analysis.settings import Settings
+from analysis.trace import trace
+
+EVERY = ("ls", "rls", "fgls", "tls", "rtls", "huber", "pooled")
+THETA = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
+MANOEUVRES = ("standstill", "start", "cruise", "brake")
+
+
+def on_board(excitation, settings):
+    """Every step, the estimates by method as (row, θ), and the state after the last row."""
+    state = online.start(settings)
+    moments, found = [], {method: [] for method in settings.methods}
+    for row in excitation.iter_rows(named=True):
+        step = online.step(state, row)
+        state = step.state
+        moments.append(step.moment)
+        for method, (at, estimate) in step.estimates.items():
+            found[method].append((at, estimate))
+    for method, (at, estimate) in online.finish(state).items():
+        found[method].append((at, estimate))
+    return moments, found, state
+
+
+def assert_as_in_replay(excitation, settings):
+    gated = gate(excitation, settings)
+    frames = trace(excitation, gated, settings)
+    moments, found, _ = on_board(excitation, settings)
+    assert [m.reason for m in moments] == gated["reason_x"].to_list()
+    for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "ksg_x_nat"):
+        if name in gated.columns:
+            expected = gated[name].fill_null(np.nan).to_numpy()
+            np.testing.assert_array_equal([getattr(m, name) for m in moments], expected)
+    times = excitation["t_ns"].to_numpy()
+    for method, rows in found.items():
+        frame = frames[method]
+        assert [times[at] for at, _ in rows] == frame["t_ns"].to_list(), method
+        expected = frame.select(c for c in THETA if c in frame.columns).fill_null(np.nan)
+        theta = np.array([e.theta for _, e in rows]).reshape(expected.shape)
+        np.testing.assert_array_equal(theta, expected.to_numpy(), err_msg=method)
+    return gated, found
+
+
+def holes_in(excitation, holes):
+    """Rows without a force, or without any speed and so without a phase."""
+    k = pl.int_range(pl.len())
+    for at, length, column in holes:
+        inside = k.is_between(at, at + length)
+        names = ("force_x_N",) if column else ("speed_x_m_s", "speed_rate_x_m_s2", "phase")
+        excitation = excitation.with_columns(
+            pl.when(inside).then(None).otherwise(pl.col(name)).alias(name) for name in names
+        )
+    return excitation
+
+
+@st.composite
+def logs(draw):
+    """A drive of any manoeuvres, with holes."""
+    stages = draw(
+        st.lists(
+            st.tuples(st.sampled_from(MANOEUVRES), st.floats(0.3, 4.0)), min_size=2, max_size=6
+        )
+    )
+    names, seconds = zip(*stages, strict=True)
+    total = round(sum(seconds) * 100)
+    holes = st.tuples(st.integers(0, total), st.integers(0, 30), st.booleans())
+    drive = {
+        "manoeuvres": names,
+        "seconds": seconds,
+        "direction": draw(st.sampled_from([1.0, -1.0])),
+        "noise": draw(st.sampled_from([1.0, 0.1, 10.0])),
+        "seed": draw(st.integers(0, 2**31)),
+    }
+    return drive, draw(st.lists(holes, max_size=2))
+
+
+@st.composite
+def choices(draw):
+    """Settings that decide what is fed, and how."""
+    chosen = {
+        "window_samples": draw(st.sampled_from([16, 60, 110])),
+        "threshold_nat": draw(st.sampled_from([0.1, 0.7])),
+        "exclude_braking": draw(st.booleans()),
+        "forgetting": draw(st.sampled_from([0.998, 0.9, 1.0])),
+        "directional_forgetting": draw(st.booleans()),
+        "gate": draw(st.sampled_from(["information", "variance"])),
+        "slip_acc_m_s2": draw(st.sampled_from([None, 0.5])),
+        "saturation_force_N": draw(st.sampled_from([None, 5500.0])),
+    }
+    return Settings.model_validate({**chosen, "methods": EVERY})
+
+
+@given(log=logs(), settings=choices())
+@hypothesis_settings(
+    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_every_decision_and_every_estimate_equals_the_replays(drive, excitation_of, log, settings):
+    made, holes = log
+    assert_as_in_replay(holes_in(excitation_of(drive(**made)), holes), settings)
+
+
+@pytest.fixture(scope="module")
+def two_starts(drive, excitation_of):
+    trip = ("standstill", "start", "brake", "standstill")
+    return excitation_of(drive(trip * 2, (1.5, 5.0, 2.0, 1.5) * 2))
+
+
+def test_the_papers_window_accepts_and_pools_as_in_replay(two_starts):
+    settings = Settings(methods=EVERY)
+    gated, found = assert_as_in_replay(two_starts, settings)
+    assert gated["accepted_x"].sum() > 100
+    assert len(found["pooled"]) == 2
+
+
+def test_with_a_coulomb_column(drive, excitation_of, machine):
+    trip = ("standstill", "start", "brake", "standstill", "start")
+    coulomb = machine({"coulomb": True, "methods": EVERY, "window_samples": 200})
+    excitation = excitation_of(drive(trip, (1.5, 4.0, 2.0, 1.5, 3.0)), coulomb)
+    gated, _ = assert_as_in_replay(excitation, coulomb.settings)
+    assert gated["accepted_x"].any()
+
+
+def test_with_the_gate_of_nearest_neighbours(two_starts):
+    settings = Settings(gate="ksg", window_samples=100, methods=("ls",))
+    gated, _ = assert_as_in_replay(two_starts[:700], settings)
+    assert gated["ksg_x_nat"].is_not_null().any()
+
+
+def test_a_log_without_an_accelerometer_or_any_row(two_starts):
+    settings = Settings(methods=EVERY)
+    assert_as_in_replay(two_starts.drop("specific_force_x_m_s2"), settings)
+    assert dict(online.finish(online.start(settings))) == {}
+
+
+def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
+    """Braking is seen at once, so the manoeuvre that it ends is over then."""
+    settings = Settings(methods=("pooled",))
+    numbers = pooled_samples(two_starts, gate(two_starts, settings), settings)
+    state, came = online.start(settings), {}
+    for k, row in enumerate(two_starts.iter_rows(named=True)):
+        step = online.step(state, row)
+        state = step.state
+        for standing in step.estimates.values():
+            came[k] = standing.row
+    braking = np.flatnonzero((two_starts["phase"] == "braking").fill_null(False).to_numpy())
+    for at, (k, last) in enumerate(came.items()):
+        assert last == np.flatnonzero(numbers == np.unique(numbers[numbers >= 0])[at])[-1]
+        begins = braking[braking > last][0]
+        assert begins <= k <= begins + 20
+
+
+def test_a_step_leaves_the_state_that_it_was_given(two_starts):
+    settings = Settings(methods=EVERY, window_samples=60)
+    state = online.start(settings)
+    rows = list(two_starts[:400].iter_rows(named=True))
+    for row in rows[:300]:
+        state = online.step(state, row).state
+    before = copy.deepcopy(state)
+    first = online.step(state, rows[300])
+    again = online.step(state, rows[300])
+    assert repr(before) == repr(state)
+    assert repr(first) == repr(again)
+
+
+def test_the_deviations_are_those_of_a_moving_mean_over_white_noise(drive, excitation_of):
+    """Their own, but of the size of the replay's."""
+    settings = Settings(methods=("ls", "rls", "tls", "huber", "fgls", "rtls", "pooled"))
+    excitation = excitation_of(drive(seconds=(1.5, 6.0, 2.0, 1.5)))
+    gated = gate(excitation, settings)
+    frames = trace(excitation, gated, settings)
+    _, found, _ = on_board(excitation, settings)
+    for method, rows in found.items():
+        mine = np.array([e.std for _, e in rows])[:, 0]
+        ratio = np.median(mine / frames[method]["mass_std_kg"].to_numpy())
+        assert 0.5 < ratio < 2.0, method
