@@ -4,7 +4,7 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 
-.PHONY: demo test lint types tests docs campaign coverage forgetting gates lock clean help
+.PHONY: demo test lint types tests docs campaign coverage forgetting gates reproduction lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -51,6 +51,9 @@ forgetting: $(TEST_STAMP) ## which λ to forget with, into the documentation (fo
 
 gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fifteen minutes)
 	$(BIN)/python benchmarks/gates.py --write
+
+reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (ten minutes)
+	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \

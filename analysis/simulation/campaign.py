@@ -57,12 +57,11 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
         timeline = _Timeline(scenario, solve_motion(scenario, load_kg), start_ns)
         stamp_ns = timeline.stamps_ns()
         now = timeline.channels(stamp_ns)
-        delayed = timeline.channels(stamp_ns - _ns(scenario.sensors.force_delay_s))
         streams = Streams(scenario.sensors.seed, index, timeline.run(stamp_ns))
         yield SimulatedLog(
             scenario=scenario,
             load_kg=load_kg,
-            topics=measure(scenario, streams, stamp_ns, now, delayed),
+            topics=measure(scenario, streams, stamp_ns, timeline.channels),
             runs=_runs(timeline, load_kg),
             manoeuvres=_manoeuvres(timeline),
             noise_free=pl.DataFrame({"time_ns": stamp_ns, **now._asdict()}).with_columns(

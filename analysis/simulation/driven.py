@@ -6,7 +6,8 @@ through rest unnoticed. Braking ends each axis where it first stands.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -81,20 +82,16 @@ class Driven:
         self, state: Floats, free: tuple[bool, bool], loose: Sequence[int] = ()
     ) -> Gripped:
         """The grip of friction in `state`; it has just let go of the `loose` axes."""
-        coulomb = self.body.coulomb
-        signs = np.sign(state[list(RATES)]).tolist()
+        choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
-            if free[axis] and signs[axis] == 0.0 and coulomb[axis] > LEAST_GRIP:
-                signs[axis] = None
-        machine = Gripped(self.body, self.valve_lag_s, free, (signs[0], signs[1]))
-        # what one axis does pulls at the other, so look twice
-        for _ in (0, 1):
-            pull = machine.pull(state)
-            for axis in (0, 1):
-                if signs[axis] is None and (axis in loose or abs(pull[axis]) > coulomb[axis]):
-                    signs[axis] = float(np.sign(pull[axis]))
-            machine = replace(machine, grip=(signs[0], signs[1]))
-        return machine
+            rate = float(state[RATES[axis]])
+            if not free[axis] or rate != 0.0 or self.body.coulomb[axis] <= LEAST_GRIP:
+                choices.append((float(np.sign(rate)),))
+            else:
+                choices.append((1.0, -1.0) if axis in loose else (None, 1.0, -1.0))
+        grips = product(choices[0], choices[1])
+        machines = [Gripped(self.body, self.valve_lag_s, free, grip) for grip in grips]
+        return min(machines, key=lambda machine: machine.contradiction(state))
 
 
 def _check_progress(phases: Sequence[Phase]) -> None:

@@ -67,6 +67,23 @@ class Gripped:
         mc_y = self.body.first_moment_y_kg_m
         return float(net.x + mc_y * acceleration.z), float(net.z + mc_y * acceleration.x)
 
+    def contradiction(self, state: Floats) -> float:
+        """How far the grip is from what it does to the axes that stand in the state (7,).
+
+        0 where friction that holds has no more to hold than it can, and friction that slides
+        opposes the motion that begins. The inertia is positive definite, so one grip fits.
+        """
+        pull, acceleration = self.pull(state), self.accelerations(self.net(state))
+        inertia = (self.body.mass_kg, self.body.inertia_z_kg_m2)
+        wrong = 0.0
+        for axis in (0, 1):
+            sign = self.grip[axis]
+            if sign is None:
+                wrong += max(abs(pull[axis]) - self.body.coulomb[axis], 0.0)
+            elif state[RATES[axis]] == 0.0:
+                wrong += max(-sign * float(acceleration[axis]) * inertia[axis], 0.0)
+        return wrong
+
     def integrate(
         self,
         name: str | None,

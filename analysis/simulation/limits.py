@@ -33,6 +33,12 @@ def check(scenario: "Scenario") -> None:
             "log.latency_jitter_s: must be shorter than a period of sensors.rate_hz, "
             "so that messages are recorded in order"
         )
+    slip_N, full_N = scenario.machine.slip_stiffness_N, scenario.campaign.throttle_force_N
+    if 0 < slip_N < full_N:
+        raise ValueError(
+            "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
+            f"give more than {full_N:g}, or 0 for none"
+        )
     for body in bodies:
         square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
         if body.inertia_z_kg_m2 * body.mass_kg <= square:

@@ -5,6 +5,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
 from analysis.simulation.manoeuvres import Manoeuvre, Rest, Start
 
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -34,6 +35,13 @@ class SimulatedMachine(BaseModel):
     )
     coulomb_z_N_m: float = Field(
         default=0.0, ge=0, le=1e7, description="Coulomb friction of turning"
+    )
+    slip_stiffness_N: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e9,
+        description="longitudinal slip stiffness of all wheels: their slip is the force over it; "
+        "0: they do not slip",
     )
     load_x_m: float = Field(
         default=1.5, ge=-10, le=10, description="where the load sits, ahead of the origin"
@@ -114,41 +122,6 @@ class SimulatedTerrain(BaseModel):
     def slope_rad(self) -> float:
         """The slope, and with it the pitch: positive nose-up."""
         return math.radians(self.slope_deg)
-
-
-class SimulatedSensors(BaseModel):
-    """What the instruments add: standard deviations of white noise a sample, delay, bias."""
-
-    model_config = _FORBID
-
-    rate_hz: float = Field(default=100.0, ge=1, le=10_000, description="of each topic")
-    force_noise_N: float = Field(
-        default=60.0, ge=0, description="of the total force: (17) over the force share"
-    )
-    acc_noise_m_s2: float = Field(default=0.01, ge=0, description="of each accelerometer axis")
-    speed_noise_m_s: float = Field(default=0.005, ge=0, description="of the mean of both sides")
-    gyro_noise_rad_s: float = Field(default=0.001, ge=0, description="of each gyroscope axis")
-    pitch_noise_rad: float = Field(default=0.0005, ge=0, description="of the orientation's pitch")
-    acc_bias_m_s2: float = Field(default=0.0, description="of the accelerometer along x")
-    force_delay_s: float = Field(
-        default=0.0, ge=0, le=10, description="the torque sensors report what was so long ago"
-    )
-    seed: int = Field(default=1, ge=0)
-
-
-class SimulatedRecorder(BaseModel):
-    """How the logs are recorded: one log a load, all on one time line."""
-
-    model_config = _FORBID
-
-    start_unix_s: int = Field(default=1_700_000_000, ge=0, le=2_000_000_000)
-    load_change_s: float = Field(default=120.0, ge=0, le=86_400, description="between two logs")
-    latency_s: float = Field(
-        default=0.002, ge=0, le=1, description="least time from measurement to recording"
-    )
-    latency_jitter_s: float = Field(
-        default=0.001, ge=0, le=1, description="what a message may take longer, uniform"
-    )
 
 
 class Scenario(BaseModel):
