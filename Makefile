@@ -43,7 +43,7 @@ docs: $(TEST_STAMP) ## run the documentation's commands and write down what come
 campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
 	$(BIN)/python benchmarks/campaign.py
 
-reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (ten minutes)
+reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
