@@ -1,7 +1,7 @@
 """A container: the part of a log that holds raw messages and knows nothing of their types."""
 
 import struct
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
@@ -50,6 +50,23 @@ class RawMessage(NamedTuple):
     data: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class RawBatch:
+    """Messages of one connection as stored, each a slice of one buffer, in file order.
+
+    The buffer holds them only until the next batch is asked for: its memory is used again.
+    """
+
+    connection_id: int
+    #: (n,)
+    log_time_ns: NDArray[np.int64]
+    buffer: NDArray[np.uint8]
+    #: (n,) the first byte of each message
+    offset: NDArray[np.int64]
+    #: (n,) bytes of each message
+    length: NDArray[np.int64]
+
+
 class Container(Protocol):
     """Where messages come from. Losses grow while it is read."""
 
@@ -65,18 +82,28 @@ class Container(Protocol):
         """The log times of a connection, from the index where there is one, in any order."""
         ...
 
-    def messages(
+    def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
-        """Messages of some connections, both bounds inclusive, in any order.
+    ) -> Iterator[RawBatch]:
+        """Messages of some connections in file order, both bounds inclusive.
 
-        Damage ends up in `losses`; it raises nothing.
+        A batch's buffer is valid until the next batch is asked for. Damage ends up in `losses`;
+        it raises nothing.
         """
         ...
 
     def close(self) -> None:
         """Release the files."""
         ...
+
+
+def messages(batches: Iterable[RawBatch]) -> Iterator[RawMessage]:
+    """The messages of batches, one by one."""
+    for batch in batches:
+        ends = (batch.offset + batch.length).tolist()
+        places = zip(batch.log_time_ns.tolist(), batch.offset.tolist(), ends, strict=True)
+        for time, begin, end in places:
+            yield RawMessage(batch.connection_id, time, batch.buffer[begin:end].tobytes())
 
 
 class LossList(list[Loss]):

@@ -13,7 +13,7 @@ import polars as pl
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.readers.container import Connection, Container, LossList
+from replay.readers.container import Connection, Container, LossList, messages
 from replay.readers.decode import Tally, decode_batches, schema_of
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
@@ -86,8 +86,8 @@ class MessageLog:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         picked = self._resolve(topic, fields, found.kind)
         tally = Tally()
-        messages = self._container.messages([c.id for c in found.connections], start_ns, end_ns)
-        batches = decode_batches(messages, found.kind, picked, tally)
+        stored = self._container.batches([c.id for c in found.connections], start_ns, end_ns)
+        batches = decode_batches(messages(stored), found.kind, picked, tally)
         frame = pl.concat([pl.DataFrame(schema=schema_of(picked)), *batches])
         self._judge(topic, found.kind, tally)
         return frame.sort("log_time_ns", maintain_order=True)

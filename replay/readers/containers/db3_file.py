@@ -1,0 +1,143 @@
+"""The container of rosbag2's SQLite storage (`.db3`), with or without its directory."""
+
+import sqlite3
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run import Loss
+from estimators.errors import LogError
+from replay.readers.container import Connection, RawBatch, no_times
+from replay.readers.containers.by_connection import by_connection
+from replay.readers.containers.damage import Damage
+from replay.readers.containers.sqlite_rows import Row, read_rows
+
+_MAGIC: Final = b"SQLite format 3\x00"
+
+
+class Db3File:
+    """A `.db3` file. Before ROS 2 Iron it carries no message definitions."""
+
+    def __init__(self, path: Path) -> None:
+        with path.open("rb") as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
+        self.files: tuple[Path, ...] = (path,)
+        self._damage = Damage(path.name)
+        self._path = path
+        self._times: dict[int, NDArray[np.int64]] | None = None
+        self._database = _connect(path)
+        try:
+            self.connections: tuple[Connection, ...] = self._connections()
+        except sqlite3.Error as error:
+            self._database.close()
+            raise LogError(
+                f"{path}: not readable as a rosbag2 database ({error}); "
+                "it should have the tables 'topics' and 'messages'"
+            ) from error
+
+    def _connections(self) -> tuple[Connection, ...]:
+        found = self._database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        tables = {name for (name,) in found}
+        if not tables >= {"topics", "messages"}:
+            raise sqlite3.DatabaseError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
+        columns = self._database.execute(
+            "SELECT rowid, topic_id, timestamp, data FROM messages LIMIT 0"
+        )
+        columns.close()
+        definitions: dict[str, tuple[str, str]] = {}
+        if "message_definitions" in tables:
+            definitions = {
+                name: (text, encoding)
+                for name, text, encoding in self._database.execute(
+                    "SELECT topic_type, encoded_message_definition, encoding"
+                    " FROM message_definitions"
+                )
+            }
+        topics = self._database.execute(
+            "SELECT id, name, type, serialization_format FROM topics WHERE typeof(id) = 'integer'"
+            " AND typeof(name || type || serialization_format) = 'text' ORDER BY id"
+        )
+        return tuple(
+            Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
+            for key, topic, kind, encoding in topics
+        )
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        return self._damage.losses({})
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """The log times of a topic; the first call goes through the whole table."""
+        if self._times is None:
+            found = [np.empty((2, 0), np.int64)]
+            found += [_integers(rows) for rows in self._rows("topic_id, timestamp")]
+            keys, times = np.concatenate(found, axis=1)
+            self._times = {key: times[at] for key, at in by_connection(keys)}
+        return self._times.get(connection_id, no_times())
+
+    def batches(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[RawBatch]:
+        """Messages as stored; a damaged page of the database costs that page."""
+        wanted = np.array(sorted(connection_ids), np.int64)
+        first = -(2**63) if start_ns is None else start_ns
+        last = 2**63 - 1 if end_ns is None else end_ns
+        for rows in self._rows("topic_id, timestamp, data"):
+            keys, times = _integers(rows)
+            blobs = [row[3] for row in rows]
+            length = np.fromiter(map(len, blobs), np.int64, len(blobs))
+            offset = np.cumsum(length) - length
+            buffer = np.frombuffer(b"".join(blobs), np.uint8)
+            use = np.flatnonzero(np.isin(keys, wanted) & (times >= first) & (times <= last))
+            for key, part in by_connection(keys[use]):
+                at = use[part]
+                yield RawBatch(key, times[at], buffer, offset[at], length[at])
+
+    def _rows(self, columns: str) -> Iterator[list[Row]]:
+        """Rows of the table of messages that have the types that SQLite asks of nobody."""
+        note = self._damage.note
+        for rows in read_rows(self._database, "messages", columns, note):
+            whole = rows if _is_whole(rows) else [row for row in rows if _is_whole([row])]
+            if len(whole) < len(rows):
+                note(f"{len(rows) - len(whole)} rows from row {rows[0][0]} on hold no message")
+            if whole:
+                yield whole
+
+    def close(self) -> None:
+        """Release the file."""
+        self._database.close()
+
+
+def _is_whole(rows: list[Row]) -> bool:
+    """Whether rows have the types that SQLite asks of nobody."""
+    kinds = [set(map(type, column)) for column in zip(*rows, strict=True)]
+    return kinds[:3] == [{int}] * 3 and kinds[3:] in ([], [{bytes}])
+
+
+def _integers(rows: list[Row]) -> NDArray[np.int64]:
+    """Topic and time (2, n) of rows."""
+    return np.array([[row[1] for row in rows], [row[2] for row in rows]], np.int64)
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    # immutable reads files on read-only media, but is blind to messages still in a -wal file
+    journal = path.with_name(f"{path.name}-wal")
+    unfinished = journal.exists() and journal.stat().st_size > 0
+    mode = "mode=ro" if unfinished else "mode=ro&immutable=1"
+    try:
+        database = sqlite3.connect(
+            f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
+        )
+    except sqlite3.Error as error:
+        raise LogError(f"{path}: cannot be opened: {error}") from error
+    database.text_factory = _decode
+    return database
+
+
+def _decode(text: bytes) -> str:
+    return text.decode(errors="replace")

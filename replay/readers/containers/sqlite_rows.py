@@ -1,0 +1,99 @@
+"""Rows of a SQLite table in the order of their ids, over what is damaged."""
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from itertools import islice
+from typing import Any, Final
+
+_LEAST_ID: Final = -(2**63)
+_MOST_ID: Final = 2**63 - 1
+#: A batch ends with either.
+_MOST_ROWS: Final = 8192
+_MOST_BYTES: Final = 8 * 2**20
+#: Rows fetched before their size is looked at.
+_MOST_STEP: Final = 32
+
+Row = tuple[Any, ...]
+
+
+def read_rows(
+    database: sqlite3.Connection, table: str, columns: str, note: Callable[[str], None]
+) -> Iterator[list[Row]]:
+    """Rows of a table in batches: the rowid, then its columns.
+
+    Args:
+        database: opened.
+        table: its name.
+        columns: as SQL lists them; the last may be a blob, which bounds the batches.
+        note: told what was lost, a sentence a damaged place.
+    """
+    query = f"SELECT rowid, {columns} FROM {table} WHERE rowid > ? ORDER BY rowid"  # noqa: S608 - names of our own
+    after = _LEAST_ID
+    while True:
+        rows: list[Row] = []
+        fault: sqlite3.Error | None = None
+        size = 0
+        try:
+            cursor = database.execute(query, (after,))
+            step = _MOST_STEP
+            while part := list(islice(cursor, step)):
+                rows += part
+                fetched = sum([len(row[-1]) for row in part if row[-1].__class__ is bytes])
+                size += fetched
+                step = max(1, min(_MOST_STEP, _MOST_BYTES * len(part) // (fetched + 1)))
+                if len(rows) >= _MOST_ROWS or size >= _MOST_BYTES:
+                    if not _increases(after, rows):
+                        break
+                    yield rows
+                    after, rows, size = rows[-1][0], [], 0
+        except sqlite3.Error as error:
+            fault = error
+        if rows and not _increases(after, rows):
+            note(f"the database is damaged behind row {after}: its rows go in circles")
+            return
+        if rows:
+            yield rows
+            after = rows[-1][0]
+        if fault is None:
+            return
+        following = _behind_damage(database, query, after)
+        span = (
+            f"rows {after + 1} to {following}"
+            if following is not None
+            else f"all rows from {after + 1} on"
+        )
+        note(f"the database is damaged ({fault}): {span} are lost")
+        if following is None:
+            return
+        after = following
+
+
+def _increases(after: int, rows: list[Row]) -> bool:
+    """Whether ids can be as many different ones as there are rows.
+
+    A damaged tree may lead to the same page again and again.
+    """
+    return rows[0][0] > after and rows[-1][0] - rows[0][0] >= len(rows) - 1
+
+
+def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:
+    """The id behind which a row can be read again, None where there is none."""
+
+    def first(gap: int) -> int | None:
+        row = database.execute(f"{query} LIMIT 1", (min(after + gap, _MOST_ID),)).fetchone()
+        return None if row is None else row[0]
+
+    fails, works, found = 0, 0, None
+    while not works and fails < 2**63:
+        gap = max(1, 2 * fails)
+        try:
+            found, works = first(gap), gap
+        except sqlite3.Error:
+            fails = gap
+    while works - fails > 1:
+        gap = (fails + works) // 2
+        try:
+            found, works = first(gap), gap
+        except sqlite3.Error:
+            fails = gap
+    return None if found is None else found - 1
