@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from rosbags.rosbag1 import Reader, ReaderError
 
 from estimators.errors import LogError
-from replay.readers.container import BROKEN_BYTES, Connection, LossList, RawMessage, no_times
+from replay.decoding.batch import RawBatch, StoredMessage, join_messages
+from replay.readers.container import BROKEN_BYTES, Connection, LossList, no_times
 
 _MAGIC: Final = b"#ROSBAG V"
 
@@ -42,9 +43,15 @@ class BagFile:
         index = self._reader.indexes.get(connection_id)
         return np.fromiter((entry.time for entry in index), np.int64) if index else no_times()
 
-    def messages(
+    def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[RawBatch]:
+        """The messages in batches; see `Container.batches`."""
+        return join_messages(self._messages(connection_ids, start_ns, end_ns))
+
+    def _messages(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[StoredMessage]:
         """Messages in log-time order; rosbags stops at the first damaged chunk."""
         chosen = [c for c in self._reader.connections if c.id in connection_ids]
         if not chosen:  # rosbags takes none for all
@@ -52,8 +59,8 @@ class BagFile:
         stop = None if end_ns is None else end_ns + 1
         last = None
         try:
-            for connection, time, data in self._reader.messages(chosen, start_ns, stop):
-                yield RawMessage(connection.id, time, data)
+            for _, time, data in self._reader.messages(chosen, start_ns, stop):
+                yield StoredMessage(time, data)
                 last = time
         except (ReaderError, *BROKEN_BYTES) as error:
             after = "from the first message on" if last is None else f"after log time {last} ns"

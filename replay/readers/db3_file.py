@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.errors import LogError
-from replay.readers.container import Connection, LossList, RawMessage, no_times
+from replay.decoding.batch import RawBatch, StoredMessage, join_messages
+from replay.readers.container import Connection, LossList, no_times
 
 _MAGIC: Final = b"SQLite format 3\x00"
 
@@ -63,20 +64,26 @@ class Db3File:
             self._times = {c.id: pairs[pairs[:, 0] == c.id, 1] for c in self.connections}
         return self._times.get(connection_id, no_times())
 
-    def messages(
+    def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[RawBatch]:
+        """The messages in batches; see `Container.batches`."""
+        return join_messages(self._messages(connection_ids, start_ns, end_ns))
+
+    def _messages(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[StoredMessage]:
         """Messages in log-time order, ties as stored."""
         query = (
-            "SELECT topic_id, timestamp, data FROM messages"
+            "SELECT timestamp, data FROM messages"
             " WHERE topic_id IN (SELECT value FROM json_each(?)) AND timestamp BETWEEN ? AND ?"
             " ORDER BY timestamp, id"
         )
         chosen = json.dumps(list(connection_ids))
         first = -(2**63) if start_ns is None else start_ns
         last = 2**63 - 1 if end_ns is None else end_ns
-        for key, time, data in self._rows(query, (chosen, first, last)):
-            yield RawMessage(key, time, data)
+        for time, data in self._rows(query, (chosen, first, last)):
+            yield StoredMessage(time, data)
 
     def _rows(self, query: str, values: tuple[object, ...]) -> Iterator[tuple[Any, ...]]:
         try:

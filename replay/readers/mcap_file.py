@@ -19,7 +19,8 @@ from rosbags.typesys.msg import normalize_msgtype
 from zstandard import ZstdError
 
 from estimators.errors import LogError
-from replay.readers.container import BROKEN_BYTES, Connection, LossList, RawMessage, no_times
+from replay.decoding.batch import RawBatch, StoredMessage, join_messages
+from replay.readers.container import BROKEN_BYTES, Connection, LossList, no_times
 
 _MAGIC: Final = b"\x89MCAP0\r\n"
 #: opcode, length, start of the summary, start of its offsets, CRC of the summary
@@ -126,9 +127,15 @@ class McapFile:
         """The log times of a channel, from the index or from the scan at opening."""
         return self._times.get(connection_id, no_times())
 
-    def messages(
+    def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[RawBatch]:
+        """The messages in batches; see `Container.batches`."""
+        return join_messages(self._messages(connection_ids, start_ns, end_ns))
+
+    def _messages(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[StoredMessage]:
         """Messages in file order; a damaged chunk costs that chunk."""
         wanted = frozenset(connection_ids)
         first = 0 if start_ns is None else start_ns
@@ -149,7 +156,7 @@ class McapFile:
                 and record.channel_id in wanted
                 and first <= record.log_time <= last
             ):
-                yield RawMessage(record.channel_id, record.log_time, record.data)
+                yield StoredMessage(record.log_time, record.data)
 
     def _load(self, chunks: Iterator[ChunkIndex]) -> Iterator[McapRecord]:
         for chunk in chunks:

@@ -13,8 +13,14 @@ import polars as pl
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
+from replay.decoding.decoder import (
+    Tally,
+    decode_batches,
+    decoder_name,
+    make_decoder,
+    schema_of,
+)
 from replay.readers.container import Connection, Container, LossList
-from replay.readers.decode import Tally, decode_batches, schema_of
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
 from replay.readers.message_types import MessageType, leaves
@@ -68,6 +74,7 @@ class MessageLog:
             **timing(np.concatenate([self._container.log_times(c.id) for c in topic.connections])),
             "fields": list(leaves(topic.kind.record)) if topic.kind else [],
             "problem": topic.problem,
+            "decoder": decoder_name(topic.kind) if topic.kind else None,
         }
 
     def read(
@@ -86,10 +93,12 @@ class MessageLog:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         picked = self._resolve(topic, fields, found.kind)
         tally = Tally()
-        messages = self._container.messages([c.id for c in found.connections], start_ns, end_ns)
-        batches = decode_batches(messages, found.kind, picked, tally)
-        frame = pl.concat([pl.DataFrame(schema=schema_of(picked)), *batches])
+        batches = self._container.batches([c.id for c in found.connections], start_ns, end_ns)
+        frames = decode_batches(batches, make_decoder(found.kind, picked), tally)
+        frame = pl.concat([pl.DataFrame(schema=schema_of(picked)), *frames], rechunk=False)
         self._judge(topic, found.kind, tally)
+        if frame["log_time_ns"].is_sorted():
+            return frame
         return frame.sort("log_time_ns", maintain_order=True)
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:

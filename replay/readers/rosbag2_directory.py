@@ -14,14 +14,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from estimators.errors import LogError
-from replay.readers.container import (
-    BROKEN_BYTES,
-    Connection,
-    Container,
-    LossList,
-    RawMessage,
-    no_times,
-)
+from replay.decoding.batch import RawBatch, StoredMessage, join_messages
+from replay.readers.container import BROKEN_BYTES, Connection, Container, LossList, no_times
 from replay.readers.db3_file import Db3File
 from replay.readers.mcap_file import McapFile
 
@@ -130,29 +124,29 @@ class Rosbag2Directory:
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].log_times(inner)
 
-    def messages(
+    def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
+    ) -> Iterator[RawBatch]:
         """Messages file by file."""
         for part_number, part in enumerate(self._parts):
-            outer = {
-                inner: key
+            inner = [
+                inner
                 for key, (number, inner) in enumerate(self._origin)
                 if number == part_number and key in connection_ids
-            }
-            if not outer:
+            ]
+            if not inner:
                 continue
-            for raw in part.messages(list(outer), start_ns, end_ns):
-                data = self._unzipped(raw.data) if self._message_zstd else raw.data
-                if data is not None:
-                    yield RawMessage(outer[raw.connection_id], raw.log_time_ns, data)
+            for batch in part.batches(inner, start_ns, end_ns):
+                yield from join_messages(self._unzipped(batch)) if self._message_zstd else (batch,)
 
-    def _unzipped(self, data: bytes) -> bytes | None:
-        try:
-            return pa.CompressedInputStream(pa.BufferReader(data), "zstd").read()
-        except BROKEN_BYTES as error:
-            self._losses.note(self._path, f"messages that cannot be decompressed: {error}")
-            return None
+    def _unzipped(self, batch: RawBatch) -> Iterator[StoredMessage]:
+        for time, data in zip(batch.log_times.tolist(), batch.messages(), strict=True):
+            try:
+                message = pa.CompressedInputStream(pa.BufferReader(data), "zstd").read()
+            except BROKEN_BYTES as error:
+                self._losses.note(self._path, f"messages that cannot be decompressed: {error}")
+            else:
+                yield StoredMessage(time, message)
 
     def close(self) -> None:
         """Release the files."""

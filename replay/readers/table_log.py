@@ -124,6 +124,7 @@ class TableLog:
             **timing(self._times.drop_nulls().to_numpy()),
             "fields": self._fields(),
             "problem": None,
+            "decoder": "columnar",
         }
         return pl.DataFrame([row], schema=TOPICS_SCHEMA)
 
