@@ -47,30 +47,24 @@ def read_channels(
                 fields.append(channel.field)
     losses: list[Loss] = []
     has = {log: set(log.topics()["topic"]) for log in logs}
-    raw: dict[str, pl.DataFrame] = {}
-    for topic, fields in wanted.items():
-        holders = [log for log in logs if topic in has[log]]
-        if not holders:
-            known = sorted(set().union(*has.values()))
-            names = ", ".join(str(log.path) for log in logs)
-            where = next(
-                name
-                for name, channel in machine.channels.items()
-                if channel.field is not None and (channel.topic or "table") == topic
-            )
-            raise LogError(
-                f"{names}: no topic '{topic}'; {nearest(topic, known)} "
-                f"Set channels.{where}.topic in the machine file."
-            )
+    for topic in wanted:
+        _refuse_unknown_topic(topic, has, machine)
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if log not in holders
+            if topic not in has[log]
         ]
-        parts = {log: log.read(topic, fields) for log in holders}
+    read = {
+        log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
+        for log in logs
+    }
+    raw: dict[str, pl.DataFrame] = {}
+    for topic in wanted:
+        parts = {log: frames.pop(topic) for log, frames in read.items() if topic in frames}
         _refuse_overlap(topic, parts)
         # a column of whole numbers in one table may have fractions in the next
         frame = pl.concat(parts.values(), how="vertical_relaxed")
+        holders = list(parts)
         if frame.is_empty():
             why = [f": {loss.what}" for log in holders for loss in log.losses()]
             raise LogError(f"{holders[0].path}: topic '{topic}' has no messages{''.join(why[:1])}")
@@ -79,6 +73,21 @@ def read_channels(
     for log in logs:
         losses += log.losses()
     return raw, losses
+
+
+def _refuse_unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> None:
+    if any(topic in topics for topics in has.values()):
+        return
+    names = ", ".join(str(log.path) for log in has)
+    where = next(
+        name
+        for name, channel in machine.channels.items()
+        if channel.field is not None and (channel.topic or "table") == topic
+    )
+    raise LogError(
+        f"{names}: no topic '{topic}'; {nearest(topic, set().union(*has.values()))} "
+        f"Set channels.{where}.topic in the machine file."
+    )
 
 
 def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:

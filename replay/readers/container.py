@@ -1,15 +1,16 @@
 """A container: the part of a log that holds raw messages and knows nothing of their types."""
 
 import struct
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import Loss
+from replay.decoding.batch import RawBatch
 
 #: What the format libraries raise on bytes that are not what they should be, their own errors
 #: aside (lz4 raises RuntimeError, bz2 OSError and EOFError, rosbags asserts).
@@ -42,31 +43,6 @@ class Connection:
     definition_format: str
 
 
-class RawMessage(NamedTuple):
-    """A message as stored."""
-
-    connection_id: int
-    log_time_ns: int
-    data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class RawBatch:
-    """Messages of one connection as stored, each a slice of one buffer, in file order.
-
-    The buffer holds them only until the next batch is asked for: its memory is used again.
-    """
-
-    connection_id: int
-    #: (n,)
-    log_time_ns: NDArray[np.int64]
-    buffer: NDArray[np.uint8]
-    #: (n,) the first byte of each message
-    offset: NDArray[np.int64]
-    #: (n,) bytes of each message
-    length: NDArray[np.int64]
-
-
 class Container(Protocol):
     """Where messages come from. Losses grow while it is read."""
 
@@ -79,7 +55,7 @@ class Container(Protocol):
         ...
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a connection, from the index where there is one, in any order."""
+        """The log times of a connection in ns, from the index where there is one, in any order."""
         ...
 
     def batches(
@@ -87,23 +63,14 @@ class Container(Protocol):
     ) -> Iterator[RawBatch]:
         """Messages of some connections in file order, both bounds inclusive.
 
-        A batch's buffer is valid until the next batch is asked for. Damage ends up in `losses`;
-        it raises nothing.
+        A batch is done with when the next one is asked for: its memory is used again. Damage ends
+        up in `losses`; it raises nothing.
         """
         ...
 
     def close(self) -> None:
         """Release the files."""
         ...
-
-
-def messages(batches: Iterable[RawBatch]) -> Iterator[RawMessage]:
-    """The messages of batches, one by one."""
-    for batch in batches:
-        ends = (batch.offset + batch.length).tolist()
-        places = zip(batch.log_time_ns.tolist(), batch.offset.tolist(), ends, strict=True)
-        for time, begin, end in places:
-            yield RawMessage(batch.connection_id, time, batch.buffer[begin:end].tobytes())
 
 
 class LossList(list[Loss]):

@@ -77,7 +77,7 @@ def compile_type(connection: Connection) -> MessageType:
         raise DefinitionError(
             f"the definition of {connection.type} cannot be parsed: {reason}"
         ) from error
-    return MessageType(record, _decoder(store, connection))
+    return MessageType(record, connection.encoding == "ros1", _decoder(store, connection))
 
 
 def _typestore(connection: Connection) -> Typestore:

@@ -2,13 +2,23 @@
 
 import re
 from dataclasses import dataclass
+from typing import Final
 
-from polars.datatypes import DataTypeClass
+import polars as pl
 
 from estimators.errors import nearest
-from replay.readers.message_types import COLUMN_DTYPES, ListOf, Record, Scalar, leaves
+from replay.readers.message_types import (
+    COLUMN_DTYPES,
+    ELEMENT_DTYPES,
+    ListOf,
+    Record,
+    Scalar,
+    leaves,
+)
 
-_STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]+)\])?(?:\.(?=.)|$)")
+#: `effort[]`: every element of a list.
+ALL: Final = ""
+_STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]*)\])?(?:\.(?=.)|$)")
 
 
 class FieldError(Exception):
@@ -17,10 +27,10 @@ class FieldError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """From a message to one of its fields, or to an element of a list in it.
+    """From a message to one of its fields, or to elements of a list in it.
 
-    `element` is None for the field itself, an index, or a name that the message's `name` list
-    holds at the same place.
+    `element` is None for the field itself, an index, a name that the message's `name` list holds
+    at the same place, or `ALL`.
     """
 
     name: str
@@ -36,13 +46,21 @@ class Field:
     steps: tuple[Step, ...]
 
     @property
-    def dtype(self) -> DataTypeClass:
-        """What its column holds."""
-        return COLUMN_DTYPES[self.kind]
+    def dtype(self) -> pl.DataType:
+        """What its column holds: a list for each `[]` on the way."""
+        spreads = sum(step.element == ALL for step in self.steps)
+        dtype = (ELEMENT_DTYPES if spreads else COLUMN_DTYPES)[self.kind]
+        for _ in range(spreads):
+            dtype = pl.List(dtype)
+        return dtype
 
 
 def resolve(name: str, record: Record) -> Field:
-    """Find a field (`angular_velocity.z`, `covariance[0]`, `effort[left]`) in a message type.
+    """Find a field of a message type.
+
+    Args:
+        name: `angular_velocity.z`, `covariance[0]`, `effort[left]`, or all of a list, `effort[]`.
+        record: the type.
 
     Raises:
         FieldError: there is no such field, or it is not a single value.
@@ -90,7 +108,12 @@ def _element(text: str | None) -> int | str | None:
 def _check_element(walked: str, step: Step, kind: ListOf, parent: Record) -> None:
     by_name = f" or by name, {walked}[NAME]" if parent.has_names else ""
     if step.element is None:
-        raise FieldError(f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}")
+        raise FieldError(
+            f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}, "
+            f"or take all, {walked}[]"
+        )
+    if step.element == ALL:
+        return
     if isinstance(step.element, str):
         if not parent.has_names:
             raise FieldError(

@@ -1,8 +1,8 @@
 """A log of messages: a container, the types of its topics, and the fields picked from them."""
 
 import weakref
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -13,8 +13,15 @@ import polars as pl
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.readers.container import Connection, Container, LossList, messages
-from replay.readers.decode import Tally, decode_batches, schema_of
+from replay.decoding.decoder import (
+    Decoder,
+    Tally,
+    decode_batch,
+    decoder_name,
+    make_decoder,
+    schema_of,
+)
+from replay.readers.container import Connection, Container, LossList
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
 from replay.readers.message_types import MessageType, leaves
@@ -27,6 +34,18 @@ class _Topic:
     #: None where there is a problem
     kind: MessageType | None
     problem: str | None
+
+
+@dataclass(slots=True)
+class _Reading:
+    """A topic that is being read."""
+
+    topic: str
+    connection_ids: tuple[int, ...]
+    kind: MessageType
+    decoder: Decoder
+    frames: list[pl.DataFrame]
+    tally: Tally = field(default_factory=Tally)
 
 
 class MessageLog:
@@ -68,6 +87,7 @@ class MessageLog:
             **timing(np.concatenate([self._container.log_times(c.id) for c in topic.connections])),
             "fields": list(leaves(topic.kind.record)) if topic.kind else [],
             "problem": topic.problem,
+            "decoder": decoder_name(topic.kind) if topic.kind else None,
         }
 
     def read(
@@ -78,23 +98,49 @@ class MessageLog:
         end_ns: int | None = None,
     ) -> pl.DataFrame:
         """Read fields of one topic; see `Log.read`."""
+        return self.read_many({topic: fields}, start_ns, end_ns)[topic]
+
+    def read_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> dict[str, pl.DataFrame]:
+        """Read fields of several topics in one pass; see `Log.read_many`."""
         self._check_open()
+        readings = [self._reading(topic, names) for topic, names in fields.items()]
+        by_connection = {key: reading for reading in readings for key in reading.connection_ids}
+        for batch in self._container.batches(list(by_connection), start_ns, end_ns):
+            reading = by_connection[batch.connection_id]
+            reading.frames += decode_batch(batch, reading.decoder, reading.tally)
+        return {reading.topic: self._finish(reading) for reading in readings}
+
+    def _reading(self, topic: str, fields: Sequence[str]) -> _Reading:
         found = self._topics.get(topic)
         if found is None:
             raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
         if found.kind is None:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         picked = self._resolve(topic, fields, found.kind)
-        tally = Tally()
-        stored = self._container.batches([c.id for c in found.connections], start_ns, end_ns)
-        batches = decode_batches(messages(stored), found.kind, picked, tally)
-        frame = pl.concat([pl.DataFrame(schema=schema_of(picked)), *batches])
-        self._judge(topic, found.kind, tally)
+        return _Reading(
+            topic,
+            tuple(c.id for c in found.connections),
+            found.kind,
+            make_decoder(found.kind, picked),
+            [pl.DataFrame(schema=schema_of(picked))],
+        )
+
+    def _finish(self, reading: _Reading) -> pl.DataFrame:
+        frame = pl.concat(reading.frames, rechunk=False)
+        reading.frames.clear()
+        self._judge(reading.topic, reading.kind, reading.tally)
+        if frame["log_time_ns"].is_sorted():
+            return frame
         return frame.sort("log_time_ns", maintain_order=True)
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
         try:
-            return [resolve(field, kind.record) for field in dict.fromkeys(fields)]
+            return [resolve(name, kind.record) for name in dict.fromkeys(fields)]
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 

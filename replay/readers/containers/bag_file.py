@@ -9,7 +9,8 @@ from rosbags.typesys.msg import normalize_msgtype
 
 from analysis.run import Loss
 from estimators.errors import LogError
-from replay.readers.container import Connection, RawBatch
+from replay.decoding.batch import RawBatch
+from replay.readers.container import Connection
 from replay.readers.containers.bag_index import BagIndex, chunk_block, indexed_times, read_index
 from replay.readers.containers.bag_records import (
     BAG_HEADER,

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.readers.container import RawBatch, no_times
+from replay.decoding.batch import RawBatch
+from replay.readers.container import no_times
 from replay.readers.containers.block import Block
 from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage
@@ -111,7 +112,7 @@ class BlockStore:
             use = np.isin(slab.rows[KEY], chosen) & (times >= first) & (times <= last)
             rows = slab.rows if use.all() else slab.rows[:, use]
             for key, at in by_connection(rows[KEY]):
-                yield RawBatch(key, rows[TIME, at], slab.data, rows[OFFSET, at], rows[LENGTH, at])
+                yield RawBatch(key, slab.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
 
     def _judge(self, slab: Slab) -> None:
         for block, why in slab.damaged:

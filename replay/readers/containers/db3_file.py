@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError
-from replay.readers.container import Connection, RawBatch, no_times
+from replay.decoding.batch import RawBatch
+from replay.readers.container import Connection, no_times
 from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage
 from replay.readers.containers.sqlite_rows import Row, read_rows
@@ -77,15 +78,23 @@ class Db3File:
             found = [np.empty((2, 0), np.int64)]
             found += [_integers(rows) for rows in self._rows("topic_id, timestamp")]
             keys, times = np.concatenate(found, axis=1)
-            self._times = {key: times[at] for key, at in by_connection(keys)}
+            self._times = {key: self._since_1970(key, times[at]) for key, at in by_connection(keys)}
         return self._times.get(connection_id, no_times())
+
+    def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
+        early = int(np.count_nonzero(times < 0))
+        if early:
+            topic = next((c.topic for c in self.connections if c.id == key), "")
+            what = f"{early:,} messages have log times before the year 1970: not used"
+            self._damage.note(what, topic)
+        return times[times >= 0]
 
     def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[RawBatch]:
         """Messages as stored; a damaged page of the database costs that page."""
         wanted = np.array(sorted(connection_ids), np.int64)
-        first = -(2**63) if start_ns is None else start_ns
+        first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
         for rows in self._rows("topic_id, timestamp, data"):
             keys, times = _integers(rows)
@@ -96,7 +105,7 @@ class Db3File:
             use = np.flatnonzero(np.isin(keys, wanted) & (times >= first) & (times <= last))
             for key, part in by_connection(keys[use]):
                 at = use[part]
-                yield RawBatch(key, times[at], buffer, offset[at], length[at])
+                yield RawBatch(key, buffer, offset[at], length[at], times[at])
 
     def _rows(self, columns: str) -> Iterator[list[Row]]:
         """Rows of the table of messages that have the types that SQLite asks of nobody."""

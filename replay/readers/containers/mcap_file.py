@@ -13,7 +13,8 @@ from rosbags.typesys.msg import normalize_msgtype
 
 from analysis.run import Loss
 from estimators.errors import LogError
-from replay.readers.container import BROKEN_BYTES, Connection, RawBatch
+from replay.decoding.batch import RawBatch
+from replay.readers.container import BROKEN_BYTES, Connection
 from replay.readers.containers.block import Block
 from replay.readers.containers.block_store import BlockStore
 from replay.readers.containers.file_bytes import FileBytes

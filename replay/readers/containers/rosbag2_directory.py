@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError
-from replay.readers.container import Connection, Container, LossList, RawBatch, no_times
+from replay.decoding.batch import RawBatch
+from replay.readers.container import Connection, Container, LossList, no_times
 from replay.readers.containers.ahead import ahead
 from replay.readers.containers.db3_file import Db3File
 from replay.readers.containers.mcap_file import McapFile

@@ -5,11 +5,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-import numpy as np
 import pyarrow as pa
 import zstandard
 
-from replay.readers.container import RawBatch
+from replay.decoding.batch import RawBatch, joined
 from replay.readers.containers.block import LARGEST_BYTES
 from replay.readers.containers.read_ahead import SLAB_BYTES
 
@@ -39,22 +38,21 @@ def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
     """A batch with its messages unpacked, in parts of bounded size; with each, how many failed."""
     unpacker = zstandard.ZstdDecompressor()
     messages: list[bytes] = []
-    rows: list[int] = []
+    times: list[int] = []
     failed = size = 0
-    places = zip(batch.offset.tolist(), (batch.offset + batch.length).tolist(), strict=True)
-    for row, (begin, end) in enumerate(places):
+    for time, packed in zip(batch.log_times.tolist(), batch.messages(), strict=True):
         try:
-            message = _unpack(unpacker, batch.buffer[begin:end].tobytes())
+            message = _unpack(unpacker, packed)
         except (zstandard.ZstdError, MemoryError):
             failed += 1
             continue
         messages.append(message)
-        rows.append(row)
+        times.append(time)
         size += len(message)
         if size >= SLAB_BYTES:
-            yield _joined(batch, rows, messages), failed
-            messages, rows, failed, size = [], [], 0, 0
-    yield _joined(batch, rows, messages), failed
+            yield joined(batch.connection_id, times, messages), failed
+            messages, times, failed, size = [], [], 0, 0
+    yield joined(batch.connection_id, times, messages), failed
 
 
 def _unpack(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:
@@ -62,10 +60,3 @@ def _unpack(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:
         raise zstandard.ZstdError("larger than is believed")
     # where the frame does not tell its size, more than this is an error
     return unpacker.decompress(packed, max_output_size=LARGEST_BYTES)
-
-
-def _joined(batch: RawBatch, rows: list[int], messages: list[bytes]) -> RawBatch:
-    length = np.fromiter(map(len, messages), np.int64, len(messages))
-    buffer = np.frombuffer(b"".join(messages), np.uint8)
-    times = batch.log_time_ns[rows]
-    return RawBatch(batch.connection_id, times, buffer, np.cumsum(length) - length, length)

@@ -196,7 +196,7 @@ def test_the_conformance_suite_holds_as_many_messages_as_the_official_reader_fin
             kinds = [type(record).__name__ for record in StreamReader(file).records]
         container = McapFile(path)
         ids = [connection.id for connection in container.connections]
-        found = sum(batch.offset.size for batch in container.batches(ids, None, None))
+        found = sum(batch.rows for batch in container.batches(ids, None, None))
         indexed = sum(container.log_times(key).size for key in ids)
         container.close()
         assert found == indexed == kinds.count("Message"), path.name

@@ -1,0 +1,72 @@
+"""Messages to columns one at a time, by rosbags: for types that no plan can express."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import polars as pl
+from rosbags.serde import SerdeError
+from rosbags.typesys.base import normalize_fieldname
+
+from replay.decoding.batch import RawBatch
+from replay.decoding.decoder import Decoded, schema_of
+from replay.readers.container import BROKEN_BYTES
+from replay.readers.fields import ALL, Field, Step
+from replay.readers.message_types import MessageType
+
+_CONVERT: Final[dict[str, Callable[[Any], Any]]] = {
+    "bool": bool,
+    "string": str,
+    "wstring": str,
+    **dict.fromkeys(("float32", "float64", "float128"), float),
+    # rosbags reads the octet of ROS 2, whose kind this is too, as a signed number
+    "uint8": lambda value: int(value) & 0xFF,
+    "stamp": lambda stamp: int(stamp.sec) * 10**9 + int(stamp.nanosec),
+}
+
+
+class MessageByMessage:
+    """How to read fields of one type without a plan."""
+
+    def __init__(self, kind: MessageType, fields: Sequence[Field]) -> None:
+        self._kind = kind
+        self._fields = tuple(fields)
+
+    def decode(self, batch: RawBatch) -> Decoded:
+        """Decode messages one by one; one that rosbags refuses costs its row."""
+        rows: list[tuple[Any, ...]] = []
+        faults: list[str] = []
+        times = batch.log_times.tolist()
+        for time, data in zip(times, batch.messages(), strict=True):
+            try:
+                rows.append((time, *self._values(data)))
+            except (SerdeError, *BROKEN_BYTES) as error:
+                faults.append(" ".join(str(error).split()))
+        frame = pl.DataFrame(rows, schema=schema_of(self._fields), orient="row")
+        return Decoded(frame, len(faults), faults[0] if faults else "")
+
+    def _values(self, data: bytes) -> tuple[Any, ...]:
+        message = self._kind.decode(data)
+        has_header = self._kind.record.has_header
+        stamp = _CONVERT["stamp"](message.header.stamp) if has_header else None
+        return (stamp, *(_value(message, field.steps, field.kind) for field in self._fields))
+
+
+def _value(message: Any, steps: Sequence[Step], kind: str) -> Any:
+    for number, step in enumerate(steps, 1):
+        value = getattr(message, normalize_fieldname(step.name))
+        if step.element == ALL:
+            return [_value(element, steps[number:], kind) for element in value]
+        message = value if step.element is None else _pick(message, value, step.element)
+        if message is None:
+            return None
+    return _CONVERT.get(kind, int)(message)
+
+
+def _pick(message: Any, values: Any, element: int | str) -> Any:
+    if isinstance(element, int):
+        number = element
+    elif element in message.name:
+        number = message.name.index(element)
+    else:
+        return None
+    return values[number] if number < len(values) else None
