@@ -17,6 +17,8 @@ from replay.readers.containers.damage import Damage
 from replay.readers.containers.sqlite_rows import Row, read_rows
 
 _MAGIC: Final = b"SQLite format 3\x00"
+_TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
+_MESSAGES: Final = _TIMES.replace("timestamp", "timestamp, data")
 
 
 class Db3File:
@@ -45,10 +47,7 @@ class Db3File:
         tables = {name for (name,) in found}
         if not tables >= {"topics", "messages"}:
             raise sqlite3.DatabaseError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
-        columns = self._database.execute(
-            "SELECT rowid, topic_id, timestamp, data FROM messages LIMIT 0"
-        )
-        columns.close()
+        self._database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
         definitions: dict[str, tuple[str, str]] = {}
         if "message_definitions" in tables:
             definitions = {
@@ -76,7 +75,7 @@ class Db3File:
         """The log times of a topic; the first call goes through the whole table."""
         if self._times is None:
             found = [np.empty((2, 0), np.int64)]
-            found += [_integers(rows) for rows in self._rows("topic_id, timestamp")]
+            found += [numbers for numbers, _ in self._rows(_TIMES, has_blob=False)]
             keys, times = np.concatenate(found, axis=1)
             self._times = {key: self._since_1970(key, times[at]) for key, at in by_connection(keys)}
         return self._times.get(connection_id, no_times())
@@ -96,41 +95,44 @@ class Db3File:
         wanted = np.array(sorted(connection_ids), np.int64)
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
-        for rows in self._rows("topic_id, timestamp, data"):
-            keys, times = _integers(rows)
-            blobs = [row[3] for row in rows]
-            length = np.fromiter(map(len, blobs), np.int64, len(blobs))
+        for (keys, times), messages in self._rows(_MESSAGES, has_blob=True):
+            length = np.fromiter(map(len, messages), np.int64, len(messages))
             offset = np.cumsum(length) - length
-            buffer = np.frombuffer(b"".join(blobs), np.uint8)
+            data = np.frombuffer(b"".join(messages), np.uint8)
             use = np.flatnonzero(np.isin(keys, wanted) & (times >= first) & (times <= last))
             for key, part in by_connection(keys[use]):
                 at = use[part]
-                yield RawBatch(key, buffer, offset[at], length[at], times[at])
+                yield RawBatch(key, data, offset[at], length[at], times[at])
 
-    def _rows(self, columns: str) -> Iterator[list[Row]]:
-        """Rows of the table of messages that have the types that SQLite asks of nobody."""
-        note = self._damage.note
-        for rows in read_rows(self._database, "messages", columns, note):
-            whole = rows if _is_whole(rows) else [row for row in rows if _is_whole([row])]
-            if len(whole) < len(rows):
-                note(f"{len(rows) - len(whole)} rows from row {rows[0][0]} on hold no message")
-            if whole:
-                yield whole
+    def _rows(
+        self, query: str, *, has_blob: bool
+    ) -> Iterator[tuple[NDArray[np.int64], list[bytes]]]:
+        """Topic and time (2, n) and, with `has_blob`, messages, of rows that hold them."""
+        for rows in read_rows(self._database, query, self._damage.note, has_blob=has_blob):
+            try:
+                yield _columns(rows, has_blob=has_blob)
+            except (TypeError, ValueError, OverflowError):  # SQLite asks nobody for types
+                whole = [row for row in rows if _is_message(row)]
+                lost = len(rows) - len(whole)
+                self._damage.note(f"{lost:,} rows from row {rows[0][0]} on hold no message")
+                yield _columns(whole, has_blob=has_blob)
 
     def close(self) -> None:
         """Release the file."""
         self._database.close()
 
 
-def _is_whole(rows: list[Row]) -> bool:
-    """Whether rows have the types that SQLite asks of nobody."""
-    kinds = [set(map(type, column)) for column in zip(*rows, strict=True)]
-    return kinds[:3] == [{int}] * 3 and kinds[3:] in ([], [{bytes}])
+def _columns(rows: list[Row], *, has_blob: bool) -> tuple[NDArray[np.int64], list[bytes]]:
+    numbers = np.array([[row[1] for row in rows], [row[2] for row in rows]], np.int64)
+    messages = [row[3] for row in rows] if has_blob else []
+    if {*map(type, messages)} - {bytes}:
+        raise TypeError("a message that is no blob")
+    return numbers, messages
 
 
-def _integers(rows: list[Row]) -> NDArray[np.int64]:
-    """Topic and time (2, n) of rows."""
-    return np.array([[row[1] for row in rows], [row[2] for row in rows]], np.int64)
+def _is_message(row: Row) -> bool:
+    types = tuple(map(type, row))
+    return types in ((int, int, int), (int, int, int, bytes))
 
 
 def _connect(path: Path) -> sqlite3.Connection:

@@ -17,17 +17,17 @@ Row = tuple[Any, ...]
 
 
 def read_rows(
-    database: sqlite3.Connection, table: str, columns: str, note: Callable[[str], None]
+    database: sqlite3.Connection, query: str, note: Callable[[str], None], *, has_blob: bool
 ) -> Iterator[list[Row]]:
-    """Rows of a table in batches: the rowid, then its columns.
+    """Rows of a table in batches.
 
     Args:
         database: opened.
-        table: its name.
-        columns: as SQL lists them; the last may be a blob, which bounds the batches.
+        query: gives rows behind the rowid that is its parameter, ordered by rowid, which is the
+            first column.
         note: told what was lost, a sentence a damaged place.
+        has_blob: whether the last column is one, whose size then bounds the batches.
     """
-    query = f"SELECT rowid, {columns} FROM {table} WHERE rowid > ? ORDER BY rowid"  # noqa: S608 - names of our own
     after = _LEAST_ID
     while True:
         rows: list[Row] = []
@@ -35,12 +35,13 @@ def read_rows(
         size = 0
         try:
             cursor = database.execute(query, (after,))
-            step = _MOST_STEP
+            step = _MOST_STEP if has_blob else _MOST_ROWS
             while part := list(islice(cursor, step)):
                 rows += part
-                fetched = sum([len(row[-1]) for row in part if row[-1].__class__ is bytes])
-                size += fetched
-                step = max(1, min(_MOST_STEP, _MOST_BYTES * len(part) // (fetched + 1)))
+                if has_blob:
+                    fetched = sum([len(row[-1]) for row in part if row[-1].__class__ is bytes])
+                    size += fetched
+                    step = max(1, min(_MOST_STEP, _MOST_BYTES * len(part) // (fetched + 1)))
                 if len(rows) >= _MOST_ROWS or size >= _MOST_BYTES:
                     if not _increases(after, rows):
                         break
