@@ -143,13 +143,16 @@ def _parse(
 def _scan(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
-    """Rows of messages and connections; see `records.Scan`. It stops at a record not whole."""
+    """Rows of messages and connections; see `records.Scan`.
+
+    It stops at a record that is not whole, and at a chunk.
+    """
     found = 0
     at = begin
     room = rows.shape[1]
     while at + 8 <= end:
         op, connection, time, body, stop = _parse(data, at, end, _LONGEST_HEADER)
-        if op < 0 or stop > end:
+        if op < 0 or op == CHUNK or stop > end:
             break
         if op in (MESSAGE, CONNECTION):
             if row < room:

@@ -9,11 +9,13 @@ from replay.readers.containers.bag_records import (
     BAG_HEADER,
     CONNECTION,
     GRAMMAR,
+    MESSAGE,
     read_record,
 )
 from replay.readers.containers.block import Block
 from replay.readers.containers.block_store import BlockStore
 from replay.readers.containers.resume import resume
+from replay.readers.containers.stretch import Stretches
 
 _KNOWN: Final = range(BAG_HEADER, CONNECTION + 1)
 
@@ -30,6 +32,7 @@ class Walk:
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
         file = self.store.file
+        stretches = Stretches(self.store)
         at = self.whole
         while at < file.size:
             record = read_record(file, at)
@@ -38,13 +41,17 @@ class Walk:
                 yield block
                 if block.is_torn:
                     return
-            if record is not None and record.op in _KNOWN and record.end <= file.size:
+            end = at
+            if record is not None and record.op == MESSAGE:
+                end = stretches.add(at, record.end - at)
+            elif record is not None and record.op in _KNOWN and record.end <= file.size:
+                end = record.end
                 if record.op == CONNECTION:
-                    self.describe(CONNECTION, file.read(at, record.end - at))
-                self.whole = at = record.end
-                continue
-            found = resume(file, at, GRAMMAR.find)
-            if found is None:
-                return
-            self.store.damage.skip(at, found)
-            self.whole = at = found
+                    self.describe(CONNECTION, file.read(at, end - at))
+            if end == at:
+                found = resume(file, at, GRAMMAR.find)
+                if found is None:
+                    return
+                self.store.damage.skip(at, found)
+                end = found
+            self.whole = at = end

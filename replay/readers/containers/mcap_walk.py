@@ -4,9 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
-from replay.readers.containers.block import LARGEST_BYTES, Block
+from replay.readers.containers.block import Block
 from replay.readers.containers.block_store import BlockStore
 from replay.readers.containers.mcap_index import chunk_block
 from replay.readers.containers.mcap_records import (
@@ -20,12 +18,10 @@ from replay.readers.containers.mcap_records import (
     RECORD_HEAD,
     SCHEMA,
 )
-from replay.readers.containers.read_ahead import SLAB_BYTES
-from replay.readers.containers.records import scan_rows
 from replay.readers.containers.resume import resume
+from replay.readers.containers.stretch import Stretches
 
 _HEAD: Final = RECORD_HEAD.size
-_SMALLEST_WINDOW: Final = 65_536
 
 
 @dataclass(slots=True)
@@ -37,11 +33,11 @@ class Walk:
     whole: int = len(MAGIC)
     data_ended: bool = False
     has_footer: bool = False
-    _window: int = _SMALLEST_WINDOW
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
         file = self.store.file
+        stretches = Stretches(self.store)
         at = len(MAGIC)
         while not self.has_footer and len(head := file.read(at, RECORD_HEAD.size)) == _HEAD:
             opcode, length = RECORD_HEAD.unpack(head)
@@ -51,7 +47,8 @@ class Walk:
                 yield block
                 self.data_ended = False
             elif opcode in (SCHEMA, CHANNEL, MESSAGE):
-                end = self._records(at, length)
+                end = stretches.add(at, _HEAD + length)
+                self.data_ended = self.data_ended and opcode != MESSAGE
             elif opcode in (0, CHUNK):
                 end = at
             if end > file.size and (block is not None or self.data_ended):
@@ -65,16 +62,3 @@ class Walk:
                 self.data_ended = True
                 self.has_footer = opcode == FOOTER
             self.whole = at = end
-
-    def _records(self, at: int, length: int) -> int:
-        """Add the records from `at` on, and say where they end: at a chunk, or what is none."""
-        file = self.store.file
-        size = max(self._window, min(_HEAD + length, LARGEST_BYTES))
-        data = np.frombuffer(file.read(at, size), np.uint8)
-        _, stop = GRAMMAR.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
-        self._window = min(2 * size, SLAB_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
-        if stop:
-            rows, _ = scan_rows(GRAMMAR, data, [(0, stop)])
-            self.store.add_rows(Block(at, at, stop, "", stop), data, rows)
-            self.data_ended = False
-        return at + stop

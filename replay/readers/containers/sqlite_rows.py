@@ -57,16 +57,30 @@ def read_rows(
             after = rows[-1][0]
         if fault is None:
             return
+        # the rows before the fault that were on their way are lost with it: take them singly
+        rows = list(_singly(database, query, after))
+        if rows:
+            yield rows
+            after = rows[-1][0]
         following = _behind_damage(database, query, after)
-        span = (
-            f"rows {after + 1} to {following}"
-            if following is not None
-            else f"all rows from {after + 1} on"
-        )
-        note(f"the database is damaged ({fault}): {span} are lost")
+        until = "on" if following is None else f"to {following}"
+        note(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
         if following is None:
             return
         after = following
+
+
+def _singly(database: sqlite3.Connection, query: str, after: int) -> Iterator[Row]:
+    """Rows up to a fault, at most a batch."""
+    for _ in range(_MOST_ROWS):
+        try:
+            row = database.execute(f"{query} LIMIT 1", (after,)).fetchone()
+        except sqlite3.Error:
+            return
+        if row is None:
+            return
+        yield row
+        after = row[0]
 
 
 def _increases(after: int, rows: list[Row]) -> bool:

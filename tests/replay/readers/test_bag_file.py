@@ -8,24 +8,17 @@ from hypothesis import strategies as st
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.replay.readers.damaged import without_bag_index
 from tests.replay.readers.one_line import one_line_at_most
 from tests.replay.readers.written_logs import Joints, write_bag
 
 DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(50)]
 
 
-def without_index(path: Path) -> None:
-    """What a recorder leaves that crashed: index_pos is 0, and nothing stands behind the chunks."""
-    data = path.read_bytes()
-    at = data.index(b"index_pos=") + len(b"index_pos=")
-    index = int.from_bytes(data[at : at + 8], "little")
-    path.write_bytes(data[:at] + bytes(8) + data[at + 8 : index])
-
-
 def test_a_bag_without_an_index_is_read_from_start_to_end(tmp_path: Path) -> None:
     path = tmp_path / "crashed.bag"
     write_bag(path, DRIVE)
-    without_index(path)
+    without_bag_index(path)
     with open_log(path) as log:
         frame = log.read("/joints", ["effort[left]"])
         assert frame["effort[left]"].to_list() == [float(k) for k in range(50)]
@@ -39,7 +32,7 @@ def test_a_bag_without_an_index_is_read_from_start_to_end(tmp_path: Path) -> Non
 def test_the_chunk_that_a_crashed_recorder_left_open_is_read(tmp_path: Path) -> None:
     path = tmp_path / "crashed.bag"
     write_bag(path, DRIVE)
-    without_index(path)
+    without_bag_index(path)
     data = bytearray(path.read_bytes())
     at = data.index(b"size=") + len(b"size=")  # the last field of the only chunk's header
     data[at : at + 4] = bytes(4)
