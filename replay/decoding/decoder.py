@@ -1,6 +1,6 @@
 """Decoders: what turns batches of raw messages into frames, and which one a type gets."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol
 
@@ -69,12 +69,15 @@ def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
     return MessageByMessage(kind, fields)
 
 
-def decode_batch(batch: RawBatch, decoder: Decoder, tally: Tally) -> Iterator[pl.DataFrame]:
+def decode_batches(
+    batches: Iterable[RawBatch], decoder: Decoder, tally: Tally
+) -> Iterator[pl.DataFrame]:
     """Frames in the order of the messages; `tally` is kept current."""
-    for part in batch.parts():
-        decoded = decoder.decode(part)
-        tally.rows += decoded.frame.height
-        tally.undecodable += decoded.undecodable
-        tally.first_fault = tally.first_fault or decoded.first_fault
-        if decoded.frame.height:
-            yield decoded.frame
+    for batch in batches:
+        for part in batch.parts():
+            decoded = decoder.decode(part)
+            tally.rows += decoded.frame.height
+            tally.undecodable += decoded.undecodable
+            tally.first_fault = tally.first_fault or decoded.first_fault
+            if decoded.frame.height:
+                yield decoded.frame

@@ -16,7 +16,7 @@ from estimators.errors import LogError, nearest
 from replay.decoding.decoder import (
     Decoder,
     Tally,
-    decode_batch,
+    decode_batches,
     decoder_name,
     make_decoder,
     schema_of,
@@ -112,7 +112,7 @@ class MessageLog:
         by_connection = {key: reading for reading in readings for key in reading.connection_ids}
         for batch in self._container.batches(list(by_connection), start_ns, end_ns):
             reading = by_connection[batch.connection_id]
-            reading.frames += decode_batch(batch, reading.decoder, reading.tally)
+            reading.frames += decode_batches((batch,), reading.decoder, reading.tally)
         return {reading.topic: self._finish(reading) for reading in readings}
 
     def _reading(self, topic: str, fields: Sequence[str]) -> _Reading:

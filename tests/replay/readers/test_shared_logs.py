@@ -1,6 +1,8 @@
 """Logs recorded by others, against rosbags' AnyReader, which decodes whole files."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,19 @@ from rosbags.typesys import Stores, get_typestore
 
 from estimators.errors import LogError
 from replay import open_log
+from replay.decoding.batch import joined
+from replay.decoding.fallback import MessageByMessage
 from replay.readers import Log
+from replay.readers.containers.bag_file import BagFile
+from replay.readers.containers.db3_file import Db3File
+from replay.readers.containers.mcap_file import McapFile
+from replay.readers.containers.rosbag2_directory import Rosbag2Directory
+from replay.readers.fields import resolve
+from replay.readers.message_log import MessageLog
+from tests.replay.decoding.random_types import every_field
+from tests.replay.decoding.test_equality import same
+
+CONTAINERS = {".bag": BagFile, ".db3": Db3File, ".mcap": McapFile, "": Rosbag2Directory}
 
 #: Files that AnyReader reads as a whole, each with a topic and fields to compare.
 READABLE = {
@@ -76,11 +90,29 @@ def test_fields_are_those_of_anyreader(log_path: Path, shared_data: Path) -> Non
         assert frame["header_stamp_ns"].null_count() == frame.height
 
 
-def test_every_leaf_that_is_no_list_can_be_read(log_path: Path) -> None:
-    log = open_log(log_path)
-    for topic, fields in log.topics().select("topic", "fields").iter_rows():
-        scalars = [field for field in fields if "[" not in field]
-        assert log.read(topic, scalars).columns[2:] == scalars
+def _deserialize(reader: AnyReader, msgtype: str, data: bytes) -> Any:
+    return reader.deserialize(data, msgtype)
+
+
+def test_every_field_of_every_topic_is_that_of_rosbags(log_path: Path) -> None:
+    log = MessageLog(log_path, CONTAINERS[log_path.suffix])
+    for topic, found in log._topics.items():
+        assert found.kind is not None
+        names = sorted(set(every_field(found.kind.record)))
+        with AnyReader([log_path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            stored = sorted(
+                (
+                    (time, bytes(data))
+                    for _, time, data in reader.messages(reader.topics[topic].connections)
+                ),
+                key=lambda message: message[0],
+            )
+            decode = partial(_deserialize, reader, found.kind.record.name)
+            kind = replace(found.kind, decode=decode)
+            oracle = MessageByMessage(kind, [resolve(n, kind.record) for n in names])
+            batch = joined(0, [time for time, _ in stored], [data for _, data in stored])
+            expected = oracle.decode(batch).frame
+        assert same(log.read(topic, names), expected)
 
 
 def test_csv_bag_and_rosbag2_of_one_run_hold_the_same_samples(shared_data: Path) -> None:
