@@ -14,7 +14,6 @@ from replay.readers.container import Connection
 from replay.readers.containers.bag_index import BagIndex, chunk_block, indexed_times, read_index
 from replay.readers.containers.bag_records import (
     BAG_HEADER,
-    GRAMMAR,
     MAGIC,
     VERSION,
     Record,
@@ -25,6 +24,13 @@ from replay.readers.containers.bag_walk import Walk
 from replay.readers.containers.block import Block
 from replay.readers.containers.block_store import BlockStore
 from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.records import Grammar
+
+
+def _grammar() -> Grammar:
+    from replay.readers.containers.bag_grammar import GRAMMAR
+
+    return GRAMMAR
 
 
 class BagFile:
@@ -50,7 +56,7 @@ class BagFile:
 
     def _open(self, begin: int) -> None:
         self._connections: dict[int, Connection] = {}
-        self._store = BlockStore(self._file, GRAMMAR, self._describe)
+        self._store = BlockStore(self._file, _grammar, self._describe)
         header = read_record(self._file, begin)
         index = self._index(header)
         if index is not None:
@@ -88,7 +94,8 @@ class BagFile:
                 unknown.append(block)
             else:
                 self._store.add(block, times)
-        self._store.survey(unknown)
+        if unknown:
+            self._store.survey(unknown)
 
     def _walk(self, begin: int, header: Record | None) -> None:
         """Go through the file, from start to end."""

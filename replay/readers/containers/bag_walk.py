@@ -8,7 +8,6 @@ from replay.readers.containers.bag_index import chunk_block
 from replay.readers.containers.bag_records import (
     BAG_HEADER,
     CONNECTION,
-    GRAMMAR,
     MESSAGE,
     read_record,
 )
@@ -49,7 +48,7 @@ class Walk:
                 if record.op == CONNECTION:
                     self.describe(CONNECTION, file.read(at, end - at))
             if end == at:
-                found = resume(file, at, GRAMMAR.find)
+                found = resume(file, at, self.store.grammar.find)
                 if found is None:
                     return
                 self.store.damage.skip(at, found)

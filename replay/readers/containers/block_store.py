@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -23,16 +24,30 @@ class BlockStore:
     """Blocks in file order, with the log times of their messages."""
 
     def __init__(
-        self, file: FileBytes, grammar: Grammar, describe: Callable[[int, bytes], None]
+        self,
+        file: FileBytes,
+        load_grammar: Callable[[], Grammar],
+        describe: Callable[[int, bytes], None],
     ) -> None:
-        """`describe` is told of each record that is no message: its opcode and its bytes."""
+        """Begin without blocks.
+
+        Args:
+            file: that holds them.
+            load_grammar: of its records; compiled code, which an index makes unnecessary.
+            describe: is told of each record that is no message: its opcode and its bytes.
+        """
         self.file = file
         self.damage = Damage(file.path.name)
-        self.grammar = grammar
+        self._load_grammar = load_grammar
         self._describe = describe
         self._blocks: list[Block] = []
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
+
+    @cached_property
+    def grammar(self) -> Grammar:
+        """How records are found in bytes."""
+        return self._load_grammar()
 
     @property
     def message_count(self) -> int:

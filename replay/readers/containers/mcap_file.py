@@ -24,8 +24,15 @@ from replay.readers.containers.mcap_index import (
     damaged_block,
     indexed_times,
 )
-from replay.readers.containers.mcap_records import CHANNEL, GRAMMAR, MAGIC
+from replay.readers.containers.mcap_records import CHANNEL, MAGIC
 from replay.readers.containers.mcap_walk import Walk
+from replay.readers.containers.records import Grammar
+
+
+def _grammar() -> Grammar:
+    from replay.readers.containers.mcap_grammar import GRAMMAR
+
+    return GRAMMAR
 
 
 class McapFile:
@@ -50,13 +57,13 @@ class McapFile:
     def _open(self) -> None:
         summary = Summary(self._file)
         self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
-        self._store = BlockStore(self._file, GRAMMAR, self._describe)
+        self._store = BlockStore(self._file, _grammar, self._describe)
         self._take_index(summary)
         said = summary.message_count
         if self._store.message_count != said and not self._store.damage:
             indexed = self._store
             if said is not None or not indexed.message_count:
-                self._store = BlockStore(self._file, GRAMMAR, self._describe)
+                self._store = BlockStore(self._file, _grammar, self._describe)
                 self._walk()
         found = self._store.message_count
         if said not in (None, found) and not self._store.damage:
@@ -82,7 +89,8 @@ class McapFile:
                 unknown.append(block)
             else:
                 self._store.add(block, times)
-        self._store.survey(unknown)
+        if unknown:
+            self._store.survey(unknown)
 
     def _walk(self) -> None:
         """Go through the file, from start to end."""

@@ -12,7 +12,6 @@ from replay.readers.containers.mcap_records import (
     CHUNK,
     DATA_END,
     FOOTER,
-    GRAMMAR,
     MAGIC,
     MESSAGE,
     RECORD_HEAD,
@@ -54,7 +53,7 @@ class Walk:
             if end > file.size and (block is not None or self.data_ended):
                 break
             if end == at or end > file.size:
-                end = resume(file, at, GRAMMAR.find)
+                end = resume(file, at, self.store.grammar.find)
                 if end is None:
                     break
                 self.store.damage.skip(at, end)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from replay.readers.containers.block import Block
@@ -31,15 +30,6 @@ class Grammar(NamedTuple):
 #: Columns of a row. Of a record that is no message, `KEY` is -1 - opcode, and `OFFSET` and
 #: `LENGTH` tell where all of it lies.
 KEY, TIME, OFFSET, LENGTH = range(4)
-
-
-@njit(cache=True, nogil=True)
-def little_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
-    """An unsigned integer of at most 8 bytes; the highest bit of the 8th becomes the sign."""
-    value = np.int64(0)
-    for k in range(size):
-        value |= np.int64(data[at + k]) << np.int64(8 * k)
-    return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
 @dataclass(frozen=True, slots=True)
