@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol
+from typing import Literal, Protocol
 
 import polars as pl
 
@@ -10,10 +10,8 @@ from replay.decoding.batch import RawBatch
 from replay.decoding.block import NoPlanError
 from replay.decoding.program import compile_program
 from replay.decoding.wire import CDR
-from replay.readers.fields import Field
+from replay.readers.fields import OWN_COLUMNS, Field
 from replay.readers.message_types import MessageType
-
-_STAMPS: Final = dict.fromkeys(("log_time_ns", "header_stamp_ns"), pl.Int64())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +43,9 @@ class Decoder(Protocol):
 
 def schema_of(fields: Sequence[Field]) -> pl.Schema:
     """The columns that reading `fields` gives."""
-    return pl.Schema({**_STAMPS, **{field.name: field.dtype for field in fields}})
+    return pl.Schema(
+        {**dict.fromkeys(OWN_COLUMNS, pl.Int64()), **{field.name: field.dtype for field in fields}}
+    )
 
 
 def decoder_name(kind: MessageType) -> Literal["columnar", "rosbags"]:

@@ -45,8 +45,6 @@ _IDL_SEPARATOR: Final = "=" * 80 + "\n"
 _SERVICE_RULE: Final = "---"
 #: rosbags gives an empty ROS 2 message the byte that DDS sends for it
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
-#: as rosbags defines times and durations of both
-_STAMP: Final = (("sec", Scalar("int32")), ("nanosec", Scalar("uint32")))
 #: Far beyond any type that a robot sends; a few lines of a definition can ask for much more.
 _MOST_FIELDS: Final = 20_000
 _DEEPEST: Final = 64
@@ -144,9 +142,10 @@ class _Records:
     def _field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
         node, detail = description
         if node == Nodetype.NAME:
-            record = self.record(detail, above, repeated)
-            is_stamp = detail in STAMP_TYPES and record.fields == _STAMP
-            return Scalar("stamp") if is_stamp else record
+            # rosbags refuses other definitions of these
+            if detail in STAMP_TYPES:
+                return Scalar("stamp")
+            return self.record(detail, above, repeated)
         if node == Nodetype.BASE:
             kind = detail[0]
             if kind not in COLUMN_DTYPES:
