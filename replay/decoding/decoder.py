@@ -2,18 +2,17 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, Protocol
+from typing import Protocol
 
 import polars as pl
 
 from replay.decoding.batch import RawBatch
 from replay.decoding.block import NoPlanError
+from replay.decoding.library import ROSBAGS
 from replay.decoding.program import compile_program
 from replay.decoding.wire import CDR
-from replay.readers.fields import Field
+from replay.readers.fields import OWN_COLUMNS, Field
 from replay.readers.message_types import MessageType
-
-_STAMPS: Final = dict.fromkeys(("log_time_ns", "header_stamp_ns"), pl.Int64())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,20 +44,24 @@ class Decoder(Protocol):
 
 def schema_of(fields: Sequence[Field]) -> pl.Schema:
     """The columns that reading `fields` gives."""
-    return pl.Schema({**_STAMPS, **{field.name: field.dtype for field in fields}})
+    return pl.Schema(
+        {**dict.fromkeys(OWN_COLUMNS, pl.Int64()), **{field.name: field.dtype for field in fields}}
+    )
 
 
-def decoder_name(kind: MessageType) -> Literal["columnar", "rosbags"]:
-    """Which decoder a type gets."""
-    try:
-        compile_program(kind.record, {}, CDR)
-    except NoPlanError:
-        return "rosbags"
-    return "columnar"
+def decoder_name(kind: MessageType) -> str:
+    """Which decoder a type gets: `columnar`, or the library that decodes message by message."""
+    if kind.library is ROSBAGS:
+        try:
+            compile_program(kind.record, {}, CDR)
+        except NoPlanError:
+            return ROSBAGS.name
+        return "columnar"
+    return kind.library.name
 
 
 def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
-    """The columnar decoder, or rosbags' for a type that it cannot express."""
+    """The columnar decoder, or a library's for a type that it cannot express."""
     # numba is slow to import, and a log can be described without it
     if decoder_name(kind) == "columnar":
         from replay.decoding.plan import Plan

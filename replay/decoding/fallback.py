@@ -1,14 +1,14 @@
-"""Messages to columns one at a time, by rosbags: for types that no plan can express."""
+"""Messages to columns one at a time, by a library: for types that no plan can express."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import polars as pl
 from rosbags.serde import SerdeError
-from rosbags.typesys.base import normalize_fieldname
 
 from replay.decoding.batch import RawBatch
 from replay.decoding.decoder import Decoded, schema_of
+from replay.decoding.library import Library
 from replay.readers.container import BROKEN_BYTES
 from replay.readers.fields import ALL, Field, Step
 from replay.readers.message_types import MessageType
@@ -20,7 +20,6 @@ _CONVERT: Final[dict[str, Callable[[Any], Any]]] = {
     **dict.fromkeys(("float32", "float64", "float128"), float),
     # rosbags reads the octet of ROS 2, whose kind this is too, as a signed number
     "uint8": lambda value: int(value) & 0xFF,
-    "stamp": lambda stamp: int(stamp.sec) * 10**9 + int(stamp.nanosec),
 }
 
 
@@ -32,7 +31,7 @@ class MessageByMessage:
         self._fields = tuple(fields)
 
     def decode(self, batch: RawBatch) -> Decoded:
-        """Decode messages one by one; one that rosbags refuses costs its row."""
+        """Decode messages one by one; one that the library refuses costs its row."""
         rows: list[tuple[Any, ...]] = []
         faults: list[str] = []
         times = batch.log_times.tolist()
@@ -47,27 +46,34 @@ class MessageByMessage:
 
     def _values(self, data: bytes) -> tuple[Any, ...]:
         message = self._kind.decode(data)
-        has_header = self._kind.record.has_header
-        stamp = _CONVERT["stamp"](message.header.stamp) if has_header else None
-        return (stamp, *(_value(message, field.steps, field.kind) for field in self._fields))
+        library = self._kind.library
+        stamp = None
+        if self._kind.record.has_header:
+            stamp = library.stamp_ns(library.get(library.get(message, "header"), "stamp"))
+        return (stamp, *(_value(library, message, f.steps, f.kind) for f in self._fields))
 
 
-def _value(message: Any, steps: Sequence[Step], kind: str) -> Any:
+def _value(library: Library, message: Any, steps: Sequence[Step], kind: str) -> Any:
     for number, step in enumerate(steps, 1):
-        value = getattr(message, normalize_fieldname(step.name))
-        if step.element == ALL:
-            return [_value(element, steps[number:], kind) for element in value]
-        message = value if step.element is None else _pick(message, value, step.element)
-        if message is None:
+        value = library.get(message, step.name)
+        if value is None:
             return None
-    return _CONVERT.get(kind, int)(message)
+        if step.element == ALL:
+            return [_value(library, element, steps[number:], kind) for element in value]
+        if step.element is not None:
+            names = library.get(message, "name") if isinstance(step.element, str) else ()
+            value = _pick(names, value, step.element)
+        if value is None:
+            return None
+        message = value
+    return library.stamp_ns(message) if kind == "stamp" else _CONVERT.get(kind, int)(message)
 
 
-def _pick(message: Any, values: Any, element: int | str) -> Any:
+def _pick(names: Any, values: Any, element: int | str) -> Any:
     if isinstance(element, int):
         number = element
-    elif element in message.name:
-        number = message.name.index(element)
+    elif element in names:
+        number = list(names).index(element)
     else:
         return None
     return values[number] if number < len(values) else None

@@ -27,7 +27,7 @@ class _Part:
     frame: pl.DataFrame
     rows: NDArray[np.int64]
     faulty: NDArray[np.int64]
-    first_fault: str = ""
+    first_fault: str
 
 
 class Plan:
@@ -56,26 +56,24 @@ class Plan:
         kinds = np.zeros(batch.rows, np.int64) if self._ros1 else _encapsulations(batch)
         parts = [
             self._part(batch, np.flatnonzero(kinds == kind), kind)
-            for kind in np.unique(kinds).tolist()
+            for kind in self._wires
+            if kind in kinds
         ]
-        frame = parts[0].frame
-        if len(parts) > 1:
-            frame = pl.concat([part.frame for part in parts])
-            frame = frame[np.argsort(np.concatenate([part.rows for part in parts]))]
-        faulty = [part for part in parts if part.faulty.size]
-        first = min(faulty, key=lambda part: part.faulty[0], default=None)
-        return Decoded(
-            frame,
-            sum(part.faulty.size for part in faulty),
-            "" if first is None else first.first_fault,
-        )
+        frames = [part.frame for part in parts] or [pl.DataFrame(schema=schema_of(self._fields))]
+        if len(frames) > 1:
+            # back into the order of the batch
+            order = np.argsort(np.concatenate([part.rows for part in parts]))
+            frames = [pl.concat(frames)[order]]
+        unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
+        faults = [(part.faulty, part.first_fault) for part in parts if part.faulty.size]
+        if unknown.size:
+            faults.append((unknown, _why_not(int(kinds[unknown[0]]))))
+        _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
+        return Decoded(frames[0], sum(rows.size for rows, _ in faults), first_fault)
 
     def _part(self, batch: RawBatch, rows: NDArray[np.int64], kind: int) -> _Part:
         """Decode the messages of one encapsulation."""
-        wire = self._wires.get(kind)
-        if wire is None:
-            nothing = pl.DataFrame(schema=schema_of(self._fields))
-            return _Part(nothing, rows[:0], rows, _why_not(kind))
+        wire = self._wires[kind]
         walked = walk_batch(
             self._programs[wire],
             batch.data,

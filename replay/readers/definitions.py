@@ -39,14 +39,17 @@ _RELEASES: Final = (
     Stores.ROS2_DASHING,
     Stores.LATEST,
 )
-_DECODABLE: Final = {"ros1": ("ros1msg",), "cdr": ("ros2msg", "ros2idl", "")}
+_DECODABLE: Final = {
+    "ros1": ("ros1msg",),
+    "cdr": ("ros2msg", "ros2idl", ""),
+    "json": ("jsonschema",),
+    "protobuf": ("protobuf",),
+}
 _IDL_SEPARATOR: Final = "=" * 80 + "\n"
 #: parts request from reply
 _SERVICE_RULE: Final = "---"
 #: rosbags gives an empty ROS 2 message the byte that DDS sends for it
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
-#: as rosbags defines times and durations of both
-_STAMP: Final = (("sec", Scalar("int32")), ("nanosec", Scalar("uint32")))
 #: Far beyond any type that a robot sends; a few lines of a definition can ask for much more.
 _MOST_FIELDS: Final = 20_000
 _DEEPEST: Final = 64
@@ -70,8 +73,10 @@ def compile_type(connection: Connection) -> MessageType:
         kind = connection.definition_format or "no"
         raise DefinitionError(
             f"no decoder for encoding '{connection.encoding}' with {kind} definition; "
-            "there is one for cdr (ros2msg, ros2idl) and ros1 (ros1msg)"
+            "there is one for cdr (ros2msg, ros2idl), ros1 (ros1msg), json (jsonschema), protobuf"
         )
+    if connection.encoding in ("json", "protobuf"):
+        return _self_described(connection)
     if _SERVICE_RULE in connection.definition.split("\n"):
         raise DefinitionError(
             f"the log holds the definition of a service in place of {connection.type}'s own, "
@@ -86,6 +91,23 @@ def compile_type(connection: Connection) -> MessageType:
             f"the definition of {connection.type} cannot be parsed: {reason}"
         ) from error
     return MessageType(record, connection.encoding == "ros1", _decoder(store, connection))
+
+
+def _self_described(connection: Connection) -> MessageType:
+    try:
+        if connection.encoding == "json":
+            from replay.readers.json_types import json_type
+
+            return json_type(connection.type, connection.definition)
+        from replay.readers.protobuf_types import protobuf_type
+
+        descriptors = connection.definition.encode(errors="surrogateescape")
+        return protobuf_type(connection.type, descriptors)
+    except (AttributeError, *BROKEN_BYTES) as error:  # JSON may hold anything anywhere
+        reason = shorten(str(error), 160)
+        raise DefinitionError(
+            f"the definition of {connection.type} cannot be used: {reason}"
+        ) from error
 
 
 def _typestore(connection: Connection) -> Typestore:
@@ -144,9 +166,10 @@ class _Records:
     def _field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
         node, detail = description
         if node == Nodetype.NAME:
-            record = self.record(detail, above, repeated)
-            is_stamp = detail in STAMP_TYPES and record.fields == _STAMP
-            return Scalar("stamp") if is_stamp else record
+            # rosbags refuses other definitions of these
+            if detail in STAMP_TYPES:
+                return Scalar("stamp")
+            return self.record(detail, above, repeated)
         if node == Nodetype.BASE:
             kind = detail[0]
             if kind not in COLUMN_DTYPES:

@@ -16,6 +16,8 @@ from replay.readers.message_types import (
     leaves,
 )
 
+#: What every frame has beside the fields.
+OWN_COLUMNS: Final = ("log_time_ns", "header_stamp_ns")
 #: `effort[]`: every element of a list.
 ALL: Final = ""
 _STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]*)\])?(?:\.(?=.)|$)")
@@ -65,6 +67,8 @@ def resolve(name: str, record: Record) -> Field:
     Raises:
         FieldError: there is no such field, or it is not a single value.
     """
+    if name in OWN_COLUMNS:
+        raise FieldError(f"'{name}' is a column of every topic; a field of that name is not read")
     steps = _parse(name)
     here = Scalar("") if not steps else record
     walked = ""

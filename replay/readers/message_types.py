@@ -6,6 +6,8 @@ from typing import Any, Final
 
 import polars as pl
 
+from replay.decoding.library import ROSBAGS, Library
+
 STAMP_TYPES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER_TYPE: Final = "std_msgs/msg/Header"
 
@@ -91,8 +93,9 @@ class MessageType:
 
     record: Record
     ros1: bool
-    #: by rosbags
     decode: Callable[[bytes], Any]
+    #: whose objects `decode` gives
+    library: Library = ROSBAGS
 
 
 def leaves(record: Record, prefix: str = "") -> Iterator[str]:

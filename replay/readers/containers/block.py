@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from replay.readers.containers.file_bytes import FileBytes
@@ -80,6 +79,8 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
 
 
 def _decompress(block: Block, stored: bytes, target: NDArray[np.uint8]) -> int:
+    import pyarrow as pa  # slow to import, and an index makes it unnecessary
+
     view, done = target.data, 0
     # the decompressor says at its end that the stream broke off, not how much came before
     step = _TORN_STEP if block.is_torn else max(len(view), 1)

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-import pyarrow as pa
 import zstandard
 
 from replay.decoding.batch import RawBatch, joined
@@ -19,6 +18,8 @@ _STEP: Final = 2**20
 
 def unpack_file(packed: Path, target: Path) -> str | None:
     """Unpack a file, and say why not all of it where it is damaged; what came before stays."""
+    import pyarrow as pa  # slow to import, and most logs are not compressed so
+
     # half of what is free is left to others
     free = shutil.disk_usage(target.parent).free // 2
     room = min(_MOST_GROWTH * packed.stat().st_size + _STEP, free)
