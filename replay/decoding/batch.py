@@ -33,6 +33,10 @@ class RawBatch:
         inside = (starts >= 0) & (sizes >= 0) & (sizes <= self.data.size - starts)
         if not inside.all() or not starts.size == sizes.size == self.log_times.size:
             raise ValueError("a batch whose messages reach out of its data")
+        data = self.data.view()
+        # also because numba would compile anew for data that may be written
+        data.flags.writeable = False
+        object.__setattr__(self, "data", data)
 
     @property
     def rows(self) -> int:

@@ -39,9 +39,6 @@ def walk_batch(
         sizes: (n,) bytes of each from there on.
         swap: whether their numbers are big-endian.
     """
-    data = data.view()
-    # numba would compile anew for data that may be written
-    data.flags.writeable = False
     wire = program.wire
     faults = np.empty(begins.size, np.int8)
     places = np.empty(begins.size, np.int64)

@@ -13,13 +13,7 @@ import polars as pl
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.decoding.decoder import (
-    Tally,
-    decode_batches,
-    decoder_name,
-    make_decoder,
-    schema_of,
-)
+from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
 from replay.readers.container import Connection, Container, LossList
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
@@ -85,6 +79,9 @@ class MessageLog:
         end_ns: int | None = None,
     ) -> pl.DataFrame:
         """Read fields of one topic; see `Log.read`."""
+        # numba is slow to import, and a log can be described without it
+        from replay.decoding.stream import decode_batches
+
         self._check_open()
         found = self._topics.get(topic)
         if found is None:
