@@ -50,9 +50,15 @@ class RawBatch:
         )
 
     def parts(self) -> Iterator["RawBatch"]:
-        """The same in batches of at most `BATCH_ROWS` messages."""
-        for begin in range(0, self.rows, BATCH_ROWS):
-            yield self.select(slice(begin, begin + BATCH_ROWS))
+        """The same in batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
+        ends = np.cumsum(self.lengths)
+        begin = 0
+        while begin < self.rows:
+            full = ends[begin] - self.lengths[begin] + BATCH_BYTES
+            end = int(np.searchsorted(ends, full, side="right"))
+            end = min(max(end, begin + 1), begin + BATCH_ROWS)
+            yield self.select(slice(begin, end))
+            begin = end
 
     def messages(self) -> Iterator[bytes]:
         """The messages one by one."""

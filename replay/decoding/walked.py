@@ -43,7 +43,7 @@ def walk_batch(
     faults = np.empty(begins.size, np.int8)
     places = np.empty(begins.size, np.int64)
     left, kept = np.empty(program.depth, np.int64), np.empty(program.nodes, np.int64)
-    room = np.full(program.nodes, begins.size * _ELEMENTS)
+    room = np.full(program.nodes, min(begins.size * _ELEMENTS, int(sizes.sum())))
     room[0] = begins.size
     while True:
         ends = np.cumsum(room[program.mark_nodes])

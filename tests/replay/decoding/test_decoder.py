@@ -79,6 +79,19 @@ def test_messages_are_joined_into_batches_of_bounded_size() -> None:
     assert list(join_messages([])) == []
 
 
+def test_large_batches_are_split_by_messages_and_by_bytes() -> None:
+    def rows(count: int, size: int) -> list[int]:
+        lengths = np.full(count, size)
+        times = np.arange(count)
+        data = np.zeros(size, np.uint8)
+        return [part.rows for part in RawBatch(data, 0 * times, lengths, times).parts()]
+
+    assert rows(2 * BATCH_ROWS + 1, 10) == [BATCH_ROWS, BATCH_ROWS, 1]
+    assert rows(5, BATCH_BYTES // 2) == [2, 2, 1]
+    assert rows(2, BATCH_BYTES + 1) == [1, 1]
+    assert rows(0, 10) == []
+
+
 def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
     text = "string[] name\nfloat64[] effort\n"
     kind = compile_type(Connection(0, "/t", "t/msg/A", "ros1", text, "ros1msg"))
