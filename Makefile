@@ -4,7 +4,7 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 
-.PHONY: demo test lint types tests docs campaign lock clean help
+.PHONY: demo test lint types tests docs campaign decoding lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -42,6 +42,10 @@ docs: $(TEST_STAMP) ## run the documentation's commands and write down what come
 
 campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
 	$(BIN)/python benchmarks/campaign.py
+
+decoding: $(TEST_STAMP) ## the columnar decoder against rosbags over 2500 random types in each encoding (ten minutes)
+	PAYSCOPE_RANDOM_TYPES=2500 $(BIN)/python -m pytest tests/replay/decoding/test_equality.py
+	PAYSCOPE_RANDOM_TYPES=250 $(BIN)/python -m pytest tests/replay/decoding/test_damage.py
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \

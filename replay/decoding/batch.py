@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-#: So many messages are decoded at once.
+#: A batch holds no more messages than this, and is full at as many bytes, whichever comes first.
 BATCH_ROWS: Final = 8192
+BATCH_BYTES: Final = 8 << 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +34,10 @@ class RawBatch:
         inside = (starts >= 0) & (sizes >= 0) & (sizes <= self.data.size - starts)
         if not inside.all() or not starts.size == sizes.size == self.log_times.size:
             raise ValueError("a batch whose messages reach out of its data")
+        data = self.data.view()
+        # also because numba would compile anew for data that may be written
+        data.flags.writeable = False
+        object.__setattr__(self, "data", data)
 
     @property
     def rows(self) -> int:
@@ -50,9 +55,15 @@ class RawBatch:
         )
 
     def parts(self) -> Iterator["RawBatch"]:
-        """The same in batches of at most `BATCH_ROWS` messages."""
-        for begin in range(0, self.rows, BATCH_ROWS):
-            yield self.select(slice(begin, begin + BATCH_ROWS))
+        """The same in batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
+        ends = np.cumsum(self.lengths)
+        begin = 0
+        while begin < self.rows:
+            full = ends[begin] - self.lengths[begin] + BATCH_BYTES
+            end = int(np.searchsorted(ends, full, side="right"))
+            end = min(max(end, begin + 1), begin + BATCH_ROWS)
+            yield self.select(slice(begin, end))
+            begin = end
 
     def messages(self) -> Iterator[bytes]:
         """The messages one by one."""

@@ -12,7 +12,7 @@ import polars as pl
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from replay.decoding.gather import find, numbers, runs, stamps
+from replay.decoding.gather import find, number_runs, numbers, runs, stamps
 from replay.decoding.located import (
     InBlock,
     Inline,
@@ -187,14 +187,14 @@ class Columns:
             starts = self._noted(array.mark, place.chosen)
         assert isinstance(array.element, Inline)
         kind = array.element.kind
-        return pl.Series(runs(self.data, starts, counts, kind, swap=self.swap))
+        return pl.Series(number_runs(self.data, starts, counts, kind, swap=self.swap))
 
     def _values(self, place: _Place) -> pl.Series:
         if isinstance(place, _Elements):
             assert isinstance(place.located, Text)
             starts = self._noted(place.located.mark, place.chosen)
             sizes = self._noted(place.located.mark + 1, place.chosen, absent=0)
-            text = runs(self.data, starts, sizes, "uint8", swap=False)
+            text = runs(self.data, starts, sizes)
             return _nulled(_strings(text, sizes), starts < 0)
         value = place.value
         assert isinstance(value, Inline)

@@ -1,6 +1,6 @@
 """Decoders: what turns batches of raw messages into frames, and which one a type gets."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -70,17 +70,3 @@ def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
     from replay.decoding.fallback import MessageByMessage
 
     return MessageByMessage(kind, fields)
-
-
-def decode_batches(
-    batches: Iterable[RawBatch], decoder: Decoder, tally: Tally
-) -> Iterator[pl.DataFrame]:
-    """Frames in the order of the messages; `tally` is kept current."""
-    for batch in batches:
-        for part in batch.parts():
-            decoded = decoder.decode(part)
-            tally.rows += decoded.frame.height
-            tally.undecodable += decoded.undecodable
-            tally.first_fault = tally.first_fault or decoded.first_fault
-            if decoded.frame.height:
-                yield decoded.frame

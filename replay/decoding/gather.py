@@ -36,13 +36,26 @@ def _pick(view: NDArray[Any], positions: Ints, offset: int, out: NDArray[Any]) -
 
 
 @njit(cache=True, nogil=True)
-def _copy(view: NDArray[Any], starts: Ints, counts: Ints, width: int, out: NDArray[Any]) -> None:
+def _copy(
+    data: Bytes,
+    words: NDArray[np.uint64],
+    starts: Ints,
+    sizes: Ints,
+    out: Bytes,
+    out_words: NDArray[np.uint64],
+) -> None:
     to = 0
     for k in range(starts.size):
         at = starts[k]
-        for element in range(counts[k]):
-            out[to] = view[at + element * width]
+        end = to + sizes[k]
+        while to + 8 <= end:
+            out_words[to] = words[at]
+            to += 8
+            at += 8
+        while to < end:
+            out[to] = data[at]
             to += 1
+            at += 1
 
 
 @njit(cache=True, nogil=True)
@@ -94,12 +107,19 @@ def stamps(data: Bytes, positions: Ints, offset: int, *, swap: bool) -> Ints:
     return seconds * 10**9 + numbers(data, positions, offset + 4, "uint32", swap=swap)
 
 
-def runs(data: Bytes, starts: Ints, counts: Ints, kind: str, *, swap: bool) -> NDArray[Any]:
+def runs(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+    """Runs of bytes, one behind the other."""
+    out = np.empty(int(sizes.sum()), np.uint8)
+    word = np.dtype(np.uint64)
+    _copy(data, _overlapping(data, word), starts, sizes, out, _overlapping(out, word))
+    return out
+
+
+def number_runs(data: Bytes, starts: Ints, counts: Ints, kind: str, *, swap: bool) -> NDArray[Any]:
     """Runs of numbers of one kind, one run behind the other."""
     dtype = DTYPES[kind]
-    out = np.empty(int(counts.sum()), f"u{dtype.itemsize}")
-    _copy(_overlapping(data, out.dtype), starts, counts, dtype.itemsize, out)
-    return _typed(out, kind, swap=swap)
+    bits = runs(data, starts, counts * dtype.itemsize).view(f"u{dtype.itemsize}")
+    return _typed(bits, kind, swap=swap)
 
 
 def _typed(bits: NDArray[Any], kind: str, *, swap: bool) -> NDArray[Any]:

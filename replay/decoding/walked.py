@@ -39,14 +39,11 @@ def walk_batch(
         sizes: (n,) bytes of each from there on.
         swap: whether their numbers are big-endian.
     """
-    data = data.view()
-    # numba would compile anew for data that may be written
-    data.flags.writeable = False
     wire = program.wire
     faults = np.empty(begins.size, np.int8)
     places = np.empty(begins.size, np.int64)
     left, kept = np.empty(program.depth, np.int64), np.empty(program.nodes, np.int64)
-    room = np.full(program.nodes, begins.size * _ELEMENTS)
+    room = np.full(program.nodes, min(begins.size * _ELEMENTS, int(sizes.sum())))
     room[0] = begins.size
     while True:
         ends = np.cumsum(room[program.mark_nodes])

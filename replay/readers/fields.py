@@ -106,16 +106,16 @@ def _parse(name: str) -> tuple[Step, ...]:
 
 
 def _element(text: str | None) -> int | str | None:
-    return int(text) if text is not None and text.isascii() and text.isdigit() else text
+    if text is None or not (text.isascii() and text.isdigit()):
+        return text
+    # lists count in 32 bits; Python refuses to read numbers of thousands of digits
+    return int(text) if len(text) < 19 else 2**63 - 1
 
 
 def _check_element(walked: str, step: Step, kind: ListOf, parent: Record) -> None:
     by_name = f" or by name, {walked}[NAME]" if parent.has_names else ""
     if step.element is None:
-        raise FieldError(
-            f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}, "
-            f"or take all, {walked}[]"
-        )
+        raise FieldError(f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}")
     if step.element == ALL:
         return
     if isinstance(step.element, str):

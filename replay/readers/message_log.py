@@ -2,30 +2,26 @@
 
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import polars as pl
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.decoding.decoder import (
-    Decoder,
-    Tally,
-    decode_batches,
-    decoder_name,
-    make_decoder,
-    schema_of,
-)
+from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
 from replay.readers.container import Connection, Container, LossList
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
 from replay.readers.message_types import MessageType, leaves
 from replay.readers.topics import TOPICS_SCHEMA, timing
+
+if TYPE_CHECKING:
+    from replay.decoding.stream import Stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +30,6 @@ class _Topic:
     #: None where there is a problem
     kind: MessageType | None
     problem: str | None
-
-
-@dataclass(slots=True)
-class _Reading:
-    """A topic that is being read."""
-
-    topic: str
-    connection_ids: tuple[int, ...]
-    kind: MessageType
-    decoder: Decoder
-    frames: list[pl.DataFrame]
-    tally: Tally = field(default_factory=Tally)
 
 
 class MessageLog:
@@ -108,32 +92,29 @@ class MessageLog:
     ) -> dict[str, pl.DataFrame]:
         """Read fields of several topics in one pass; see `Log.read_many`."""
         self._check_open()
-        readings = [self._reading(topic, names) for topic, names in fields.items()]
-        by_connection = {key: reading for reading in readings for key in reading.connection_ids}
-        for batch in self._container.batches(list(by_connection), start_ns, end_ns):
-            reading = by_connection[batch.connection_id]
-            reading.frames += decode_batches((batch,), reading.decoder, reading.tally)
-        return {reading.topic: self._finish(reading) for reading in readings}
+        readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
+        streams = {
+            c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
+        }
+        for batch in self._container.batches(list(streams), start_ns, end_ns):
+            streams[batch.connection_id].take(batch)
+        return {topic: self._finish(topic, reading) for topic, reading in readings.items()}
 
-    def _reading(self, topic: str, fields: Sequence[str]) -> _Reading:
+    def _reading(self, topic: str, fields: Sequence[str]) -> "Stream":
+        # numba is slow to import, and a log can be described without it
+        from replay.decoding.stream import Stream
+
         found = self._topics.get(topic)
         if found is None:
             raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
         if found.kind is None:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         picked = self._resolve(topic, fields, found.kind)
-        return _Reading(
-            topic,
-            tuple(c.id for c in found.connections),
-            found.kind,
-            make_decoder(found.kind, picked),
-            [pl.DataFrame(schema=schema_of(picked))],
-        )
+        return Stream(make_decoder(found.kind, picked), schema_of(picked))
 
-    def _finish(self, reading: _Reading) -> pl.DataFrame:
-        frame = pl.concat(reading.frames, rechunk=False)
-        reading.frames.clear()
-        self._judge(reading.topic, reading.kind, reading.tally)
+    def _finish(self, topic: str, stream: "Stream") -> pl.DataFrame:
+        frame = stream.finish()
+        self._judge(topic, stream.tally)
         if frame["log_time_ns"].is_sorted():
             return frame
         return frame.sort("log_time_ns", maintain_order=True)
@@ -144,9 +125,11 @@ class MessageLog:
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
-    def _judge(self, topic: str, kind: MessageType, tally: Tally) -> None:
+    def _judge(self, topic: str, tally: Tally) -> None:
         if not tally.undecodable:
             return
+        kind = self._topics[topic].kind
+        assert kind is not None, "it was read"
         total = tally.rows + tally.undecodable
         if not tally.rows:
             raise LogError(

@@ -59,6 +59,7 @@ STORED = [
         ("fixed[].y", pl.List(pl.UInt8), [[8, 10]] * 3),
         ("fixed[1].x", pl.Int64, [9] * 3),
         ("fixed[left].x", pl.Int64, [7, None, 9]),
+        (f"name[{'9' * 5000}]", pl.String, [None] * 3),
         ("effort[]", pl.List(pl.Float32), [[0.5, 1.5]] * 3),
         ("effort[1]", pl.Float64, [1.5] * 3),
         ("effort[left]", pl.Float64, [0.5, None, 1.5]),

@@ -12,10 +12,11 @@ from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
 from replay import open_log
-from replay.decoding.batch import BATCH_ROWS, RawBatch
-from replay.decoding.decoder import Tally, decode_batches, decoder_name, make_decoder
+from replay.decoding.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
+from replay.decoding.decoder import decoder_name, make_decoder, schema_of
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
+from replay.decoding.stream import Stream
 from replay.info import describe, render
 from replay.readers.container import Connection
 from replay.readers.definitions import compile_type
@@ -70,27 +71,47 @@ def test_a_type_without_a_plan_is_read_by_rosbags_and_info_says_so(tmp_path: Pat
     assert "! /long: read message by message with rosbags, which is slow" in capture.get()
 
 
+def test_large_batches_are_split_by_messages_and_by_bytes() -> None:
+    def rows(count: int, size: int) -> list[int]:
+        lengths = np.full(count, size)
+        times = np.arange(count)
+        data = np.zeros(size, np.uint8)
+        return [part.rows for part in RawBatch(0, data, 0 * times, lengths, times).parts()]
+
+    assert rows(2 * BATCH_ROWS + 1, 10) == [BATCH_ROWS, BATCH_ROWS, 1]
+    assert rows(5, BATCH_BYTES // 2) == [2, 2, 1]
+    assert rows(2, BATCH_BYTES + 1) == [1, 1]
+    assert rows(0, 10) == []
+
+
 def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
     text = "string[] name\nfloat64[] effort\n"
     kind = compile_type(Connection(0, "/t", "t/msg/A", "ros1", text, "ros1msg"))
     good = b"\1\0\0\0\4\0\0\0left\1\0\0\0" + np.array([0.5]).tobytes()
+    whole = np.frombuffer(good, np.uint8)
+    memory = np.zeros(1000, np.uint8)
 
     def batches() -> Iterator[RawBatch]:
         yield batch_of([good, b"torn", good])
         stored = batch_of([good] * 2)
         yield RawBatch(0, stored.data, stored.offsets, stored.lengths, np.array([5, 6]))
-        whole = np.frombuffer(good, np.uint8)
-        zeros = np.zeros(2 * BATCH_ROWS + 1, np.int64)
-        yield RawBatch(0, whole, zeros, zeros + len(good), np.arange(7, 7 + zeros.size))
+        for k in range(7, 5007):  # a message each, always in the same memory
+            place = np.array([k % 100])
+            memory[:] = 255
+            memory[k % 100 : k % 100 + len(good)] = whole
+            yield RawBatch(0, memory, place, np.array([len(good)]), np.array([k]))
+        many = np.zeros(2 * BATCH_ROWS + 1, np.int64)
+        yield RawBatch(0, whole, many, many + len(good), np.arange(5007, 5007 + many.size))
 
-    tally = Tally()
-    decoder = make_decoder(kind, [resolve("effort[left]", kind.record)])
-    frames = list(decode_batches(batches(), decoder, tally))
-    assert [frame.height for frame in frames] == [2, 2, BATCH_ROWS, BATCH_ROWS, 1]
-    times = [time for frame in frames for time in frame["log_time_ns"]]
-    assert times == [0, 2, 5, 6, *range(7, 7 + 2 * BATCH_ROWS + 1)]
-    assert {value for frame in frames for value in frame["effort[left]"]} == {0.5}
-    assert (tally.rows, tally.undecodable) == (len(times), 1)
+    fields = [resolve("effort[left]", kind.record)]
+    stream = Stream(make_decoder(kind, fields), schema_of(fields))
+    for batch in batches():
+        stream.take(batch)
+    frame, tally = stream.finish(), stream.tally
+    assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
+    assert set(frame["effort[left]"]) == {0.5}
+    assert frame["effort[left]"].n_chunks() < 8
+    assert (tally.rows, tally.undecodable) == (frame.height, 1)
     assert tally.first_fault.startswith("a list is longer than what is left of it")
 
 

@@ -14,7 +14,7 @@ from replay.decoding.plan import Plan
 from replay.readers.fields import Field, resolve
 from tests.replay.decoding.random_types import Sample, Types, batch_of, every_field, types
 
-#: A hundred types here; `make decoding` runs 2500 in each encoding.
+#: In each encoding; `make decoding` sets 2500.
 TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "35"))
 #: An oracle is some milliseconds of generated code for each type.
 RANDOM_TYPES = settings(
