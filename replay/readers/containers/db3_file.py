@@ -14,7 +14,7 @@ from replay.decoding.batch import RawBatch
 from replay.readers.container import Connection, no_times
 from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage
-from replay.readers.containers.sqlite_rows import Row, read_rows
+from replay.readers.containers.sqlite_rows import FAULTS, Row, read_rows
 
 _MAGIC: Final = b"SQLite format 3\x00"
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
@@ -35,10 +35,11 @@ class Db3File:
         self._database = _connect(path)
         try:
             self.connections: tuple[Connection, ...] = self._connections()
-        except sqlite3.Error as error:
+        except FAULTS as error:
             self._database.close()
+            reason = " ".join(str(error).split())
             raise LogError(
-                f"{path}: not readable as a rosbag2 database ({error}); "
+                f"{path}: not readable as a rosbag2 database ({reason}); "
                 "it should have the tables 'topics' and 'messages'"
             ) from error
 

@@ -15,6 +15,9 @@ _MOST_STEP: Final = 32
 
 Row = tuple[Any, ...]
 
+#: What a damaged database raises: Python's module stumbles over messages that are no text.
+FAULTS: Final = (sqlite3.Error, UnicodeDecodeError, MemoryError)
+
 
 def read_rows(
     database: sqlite3.Connection, query: str, note: Callable[[str], None], *, has_blob: bool
@@ -31,7 +34,7 @@ def read_rows(
     after = _LEAST_ID
     while True:
         rows: list[Row] = []
-        fault: sqlite3.Error | None = None
+        fault: Exception | None = None
         size = 0
         try:
             cursor = database.execute(query, (after,))
@@ -47,7 +50,7 @@ def read_rows(
                         break
                     yield rows
                     after, rows, size = rows[-1][0], [], 0
-        except sqlite3.Error as error:
+        except FAULTS as error:
             fault = error
         if rows and not _increases(after, rows):
             note(f"the database is damaged behind row {after}: its rows go in circles")
@@ -64,7 +67,8 @@ def read_rows(
             after = rows[-1][0]
         following = _behind_damage(database, query, after)
         until = "on" if following is None else f"to {following}"
-        note(f"the database is damaged ({fault}): rows from {after + 1} {until} are lost")
+        reason = " ".join(str(fault).split())
+        note(f"the database is damaged ({reason}): rows from {after + 1} {until} are lost")
         if following is None:
             return
         after = following
@@ -75,9 +79,9 @@ def _singly(database: sqlite3.Connection, query: str, after: int) -> Iterator[Ro
     for _ in range(_MOST_ROWS):
         try:
             row = database.execute(f"{query} LIMIT 1", (after,)).fetchone()
-        except sqlite3.Error:
+        except FAULTS:
             return
-        if row is None:
+        if row is None or row[0] <= after:  # a damaged tree may lead back
             return
         yield row
         after = row[0]
@@ -95,7 +99,10 @@ def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int 
     """The id behind which a row can be read again, None where there is none."""
 
     def first(gap: int) -> int | None:
-        row = database.execute(f"{query} LIMIT 1", (min(after + gap, _MOST_ID),)).fetchone()
+        beyond = min(after + gap, _MOST_ID)
+        row = database.execute(f"{query} LIMIT 1", (beyond,)).fetchone()
+        if row is not None and row[0] <= beyond:
+            raise sqlite3.DatabaseError("the tree leads back")
         return None if row is None else row[0]
 
     fails, works, found = 0, 0, None
@@ -103,12 +110,12 @@ def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int 
         gap = max(1, 2 * fails)
         try:
             found, works = first(gap), gap
-        except sqlite3.Error:
+        except FAULTS:
             fails = gap
     while works - fails > 1:
         gap = (fails + works) // 2
         try:
             found, works = first(gap), gap
-        except sqlite3.Error:
+        except FAULTS:
             fails = gap
     return None if found is None else found - 1
