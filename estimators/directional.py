@@ -40,15 +40,14 @@ def feed(
     theta: Floats,
     P: Floats,
     sums: tuple[float, float],
-) -> tuple[Floats, Floats, Floats, Floats, tuple[Floats, float, float]]:
-    """Steps over the union of the windows in index; θ, r.m.s., P⁻¹, residuals and what is kept."""
+) -> tuple[Floats, Floats, Floats, tuple[Floats, float, float]]:
+    """Steps over the union of the windows in index; θ, r.m.s., P⁻¹ and what is kept."""
     rows = index.size
     p = theta.size
     square, weight = sums
     out = np.empty((rows, p))
     rms = np.empty(rows)
     information = np.empty((rows, p, p))
-    residual = np.full(f.size, np.nan)
     theta = theta.copy()
     P = P.copy()
     for row in range(rows):
@@ -64,11 +63,10 @@ def feed(
                 after -= A[k, c] * theta[c]
             square = forgetting * square + error * after
             weight = forgetting * weight + 1.0
-            residual[k] = after
         out[row] = theta
         rms[row] = np.sqrt(max(square, 0.0) / weight)
         information[row] = inverse_spd(P)
-    return out, rms, information, residual, (P, square, weight)
+    return out, rms, information, (P, square, weight)
 
 
 @compiled

@@ -288,6 +288,6 @@ def trace(
     used = owner >= 0
     row = owner[used]
     residual[used] = np.clip(residual[used], -limit[row], limit[row]) / kept[row]
-    correlation, _ = pooled_autocorrelation(residual, owner, p)
+    correlation, _ = pooled_autocorrelation(residual, owner, A)
     std = window_deviations(A, grams, squares, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -146,8 +146,6 @@ def trace(
     if index.size == 0:
         return Trace.empty(A.shape[1])
     theta, grams, rss, condition = solve_windows(A, f, window, index)
-    correlation, _ = pooled_autocorrelation(
-        *window_residuals(A, f, theta, index, window), A.shape[1]
-    )
+    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), A)
     std = window_deviations(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -303,7 +303,7 @@ def directional_rls(
     else:
         ends = np.array([window - 1 - newest, window - 1])
         sums = (past.square, past.weight)
-        theta, _, information, _, kept = directional.feed(
+        theta, _, information, kept = directional.feed(
             A, f, window, ends, options.forgetting, past.theta, past.P, sums
         )
         past = RlsState(theta[-1], *kept)

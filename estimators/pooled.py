@@ -12,6 +12,7 @@ from estimators.compiled import compiled
 from estimators.linear import at, condition_numbers
 from estimators.normal import normal_equations, solve_products
 from estimators.sandwich import deviations, meat
+from estimators.student import widening
 from estimators.trace import Floats, Ints, Trace
 
 
@@ -104,12 +105,13 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     solved = np.isfinite(theta[:, 0])
     group = np.full(f.size, -1, np.int64)
     group[used] = np.where(solved[row_of], segment_id[used], -1)
-    correlation, _ = pooled_autocorrelation(residual, group, p)
+    correlation, _ = pooled_autocorrelation(residual, group, A)
     rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        std[row] = deviations(_gram(products[:, row], p), B, rss[row], counts[row])
+        known = deviations(_gram(products[:, row], p), B, rss[row], counts[row])
+        std[row] = known * widening(counts[row], correlation)
     if noise is not None:
         std = np.hypot(std, (theta - ordinary) / 2.0)
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import directional
-from estimators.autocorrelation import pooled_autocorrelation
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
 from estimators.linear import condition_number, condition_numbers, lstsq
+from estimators.ls import solve_windows
 from estimators.normal import normal_equations, solve_products
 from estimators.recursive import (
     CHUNK,
@@ -135,20 +136,23 @@ def _discounted(
     first = slice(index[0] - window + 1, index[0] + 1)
     fed, seen = fed_samples(index, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
-    residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
     past = packed(information(begin))
-    _feed(A, f, fed, seen, forgetting, past, begin.weight, theta, rms, condition, residual, owner)
+    _feed(A, f, fed, seen, forgetting, past, begin.weight, theta, rms, condition)
     theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
     condition[0] = condition_number(gram)
-    residual[first], owner[first] = f[first] - A[first] @ begin.theta, 0
-    # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, owner, 0)
+    correlation, variance = _autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(begin.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
     std = _deviations(A, as_fed, index, fed, seen, forgetting, R, correlation)
     return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
+
+
+def _autocorrelation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, float]:
+    """Of windows fitted by themselves: what the recursion takes out of its own is not known."""
+    least, _, _, _ = solve_windows(A, f, window, index)
+    return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
 
 
 def information(state: RlsState) -> Floats:
@@ -170,10 +174,8 @@ def _feed(
     theta: Floats,
     rms: Floats,
     condition: Floats,
-    residual: Floats,
-    owner: Ints,
 ) -> None:
-    """θ, r.m.s. and condition from the second row on; residuals of the samples fed, owner 0."""
+    """θ, r.m.s. and condition from the second row on."""
     p = A.shape[1]
     z = np.empty((p + 1, CHUNK))
     terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
@@ -185,13 +187,6 @@ def _feed(
         end = feed_products(A, f, fed, begin, forgetting, past, z, terms, sums)
         count = end - begin
         solve_products(sums, count, normal)
-        e = residual[fed[begin] : fed[begin] + count]
-        owner[fed[begin] : fed[begin] + count] = 0
-        e[:] = z[p, :count]
-        for c in range(p):
-            x, column = normal.x[c], z[c]
-            for k in range(count):
-                e[k] -= x[k] * column[k]
         m = 0
         done = begin
         while row + m < seen.size and seen[row + m] <= end:
@@ -244,12 +239,8 @@ def _along_samples(
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     sums = (begin.square, begin.weight)
-    theta, rms, R, residual, _ = directional.feed(
-        A, f, window, index, forgetting, begin.theta, begin.P, sums
-    )
-    residual[first] = f[first] - A[first] @ begin.theta
-    fed = np.isfinite(residual)
-    correlation, variance = pooled_autocorrelation(residual, np.where(fed, 0, -1), 0)
+    theta, rms, R, _ = directional.feed(A, f, window, index, forgetting, begin.theta, begin.P, sums)
+    correlation, variance = _autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
     B = meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)

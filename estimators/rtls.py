@@ -168,7 +168,7 @@ def trace(
     _feed(A, f, fed, seen, scale, decay, past, begin.weight, theta, rms, condition, bread)
     residual, owner = _residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, owner, 0)
+    correlation, variance = pooled_autocorrelation(residual, owner, None)
     for M, r in ((meats, correlation), (white, np.ones(1))):
         one = np.zeros(window, np.int64)
         of_first = meat(A[first], one, 0, 0, window - 1, r)

@@ -239,6 +239,6 @@ def trace(
     theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
     rss, condition = np.empty(rows), np.empty(rows)
     _solve_windows(A, f, window, index, options.scales(p), theta, grams, rss, condition)
-    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), p)
+    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), A)
     std = window_deviations(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -72,13 +72,12 @@ def mean_estimate(
     if not solved.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     index, theta, std = index[solved], theta[solved], std[solved]
-    _, grams, _, _ = solve_windows(A, f, window, index)
+    least, grams, _, _ = solve_windows(A, f, window, index)
     known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
     share = known**-2.0 / (known**-2.0).sum()
     weights, inside = _weights(A, grams, share, index, window)
-    correlation, variance = pooled_autocorrelation(
-        *window_residuals(A, f, theta, index, window), A.shape[1]
-    )
+    # the residuals' own correlation, which a window where TLS is wild would hide
+    correlation, variance = pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
     cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
     white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
     deviation = np.sqrt(np.maximum(np.diag(cover), np.diag(white)) * variance)

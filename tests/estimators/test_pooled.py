@@ -3,6 +3,7 @@
 import numpy as np
 
 from estimators import pooled
+from estimators.student import student_factor
 
 
 def interleaved(n=600, seed=1):
@@ -38,7 +39,10 @@ def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
         scale = residual @ residual / (at.size - np.trace(bread @ B))
         expected = np.sqrt(scale * np.diag(bread @ B @ bread))
         white = np.sqrt(residual @ residual / (at.size - 2) * np.diag(bread))
-        np.testing.assert_allclose(traced.std[row], np.maximum(expected, white), rtol=1e-9)
+        widened = student_factor(at.size / (1.0 + 2.0 * (lags[1:] ** 2).sum()))
+        np.testing.assert_allclose(
+            traced.std[row], widened * np.maximum(expected, white), rtol=1e-9
+        )
 
 
 def test_a_segment_that_does_not_determine_its_parameters_is_nan_and_spoils_no_other():
