@@ -4,7 +4,7 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 
-.PHONY: demo test lint types tests docs campaign coverage forgetting gates reproduction lock clean help
+.PHONY: demo test lint types tests docs campaign coverage decoding forgetting gates reproduction lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -54,6 +54,10 @@ gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fiftee
 
 reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
+
+decoding: $(TEST_STAMP) ## the columnar decoder against rosbags over 2500 random types in each encoding (ten minutes)
+	PAYSCOPE_RANDOM_TYPES=2500 $(BIN)/python -m pytest tests/replay/decoding/test_equality.py
+	PAYSCOPE_RANDOM_TYPES=250 $(BIN)/python -m pytest tests/replay/decoding/test_damage.py
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \
