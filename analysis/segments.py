@@ -4,8 +4,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.column_noise import column_noise
 from analysis.gate import accepted_samples
-from analysis.regressor import Axis, X, Z, axes, pooled_options, regressor, trace_columns
+from analysis.regressor import Axis, X, Z, axes, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
 from estimators import pooled
@@ -64,7 +65,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         pooled_ids = pooled_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = regressor(axis, excitation, settings)
-        traced = pooled.trace(A, f, pooled_ids, pooled_options(axis, settings))
+        traced = pooled.trace(A, f, pooled_ids, pooled.PooledOptions(column_noise(axis, settings)))
         parts.append(
             pl.DataFrame(
                 {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},

@@ -1,18 +1,22 @@
 """Run the chosen estimators over the accepted windows."""
 
+from dataclasses import replace
+
+import numpy as np
 import polars as pl
 
-from analysis.regressor import Axis, X, axes, pooled_options, regressor, trace_columns
+from analysis.column_noise import column_noise, systematic
+from analysis.regressor import Axis, X, axes, regressor, trace_columns
 from analysis.schema import build
 from analysis.segments import pooled_samples
-from analysis.settings import Settings
+from analysis.settings import Method, Settings
 from estimators import fgls, huber, ls, pooled, rls, rtls, tls
 from estimators.trace import Ints, Trace
 
 
 def trace(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
-) -> dict[str, pl.DataFrame]:
+) -> dict[Method, pl.DataFrame]:
     """Estimate from every accepted window with every method of the settings.
 
     Args:
@@ -33,13 +37,13 @@ def trace(
 
 def _traces(
     axis: Axis, excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
-) -> dict[str, Trace]:
+) -> dict[Method, Trace]:
     """Every method over one axis."""
     A, f = regressor(axis, excitation, settings)
     window = settings.window_samples
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
     noise = tls_noise(axis, settings)
-    traces: dict[str, Trace] = {}
+    traces: dict[Method, Trace] = {}
     for method in settings.methods:
         match method:
             case "ls":
@@ -59,7 +63,10 @@ def _traces(
                 traced = huber.trace(A, f, window, accepted, bend)
             case "pooled":
                 ids = pooled_samples(excitation, gated, settings, axis)
-                traced = pooled.trace(A, f, ids, pooled_options(axis, settings))
+                traced = pooled.trace(A, f, ids, pooled.PooledOptions(column_noise(axis, settings)))
+        if method != "pooled":
+            unseen = systematic(axis, method, A, f, traced.index, traced.theta, settings)
+            traced = replace(traced, std=np.hypot(traced.std, unseen))
         traces[method] = traced
     return traces
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from estimators.attenuation import DOUBT, attenuations
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.linear import condition_number, solve_spd
 from estimators.sandwich import deviations, meat
@@ -19,13 +20,12 @@ class PooledOptions:
     """What is known of the regressor's own noise.
 
     Attributes:
-        noise_A: r.m.s. noise of each column as it is in A. Noise in a column draws its parameter
-            towards zero; with it, what n samples of noise add to AᵀA is taken off again (Fuller,
-            Measurement Error Models, 1987), and half of what that changes is counted as
-            uncertainty. None takes A as exact, which is ordinary least squares.
+        noise_A: r.m.s. noise of each column as it is in A, whose pull towards zero is taken off
+            again (`estimators.attenuation`), half of it counted as uncertainty. None takes A as
+            exact, which is ordinary least squares.
     """
 
-    noise_A: tuple[float, ...] | None = None
+    noise_A: Floats | None = None
 
 
 @njit(cache=True)
@@ -71,11 +71,11 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         return Trace.empty(p)
     G, h, first, last = _grams(A, f, segment_id, ids)
     counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
-    ordinary = np.stack([solve_spd(G[row], h[row]) for row in range(ids.size)])
-    clean, theta = G, ordinary
+    theta = np.stack([solve_spd(G[row], h[row]) for row in range(ids.size)])
+    clean, change = G, np.zeros_like(theta)
     if noise is not None:
-        clean = G - counts[:, None, None] * np.diag(np.square(noise))
-        theta = np.stack([solve_spd(clean[row], h[row]) for row in range(ids.size)])
+        change = attenuations(G, counts, theta, noise)
+        clean, theta = G - counts[:, None, None] * np.diag(np.square(noise)), theta + change
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
@@ -88,7 +88,6 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
         std[row] = deviations(clean[row], B, rss[row], counts[row])
-    if noise is not None:
-        std = np.hypot(std, (theta - ordinary) / 2.0)
+    std = np.hypot(std, DOUBT * change)
     condition = np.array([condition_number(g) for g in G])
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)
