@@ -147,7 +147,7 @@ def _fit(
         PARAMETERS,
         segment_id,
         known,
-        plane_noise(A[segment_id >= 0], settings),
+        plane_noise(A[segment_id >= 0], settings)[:rows],
     )
 
 

@@ -99,7 +99,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
 
 
 def plane_noise(A: Floats, settings: Settings) -> Floats:
-    """What the settings' noise is in each column, (6,), after the moving mean.
+    """What the settings' noise is in each column of each row, (2, 6), after the moving mean.
 
     Args:
         A: (n, 2, 6) samples without NaN.
@@ -114,7 +114,7 @@ def plane_noise(A: Floats, settings: Settings) -> Floats:
     )
     mean = np.sqrt(settings.smooth_samples)
     return planar.column_noise(
-        A,
+        float(np.sqrt(np.mean(yaw_rate**2))),
         settings.tls_noise_acc_m_s2 / mean,
         max(settings.tls_noise_acc_m_s2, float(sideways)) / mean,
         settings.tls_noise_speed_m_s / mean,
