@@ -28,12 +28,9 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     phase = excitation["phase"]
     alone = (*_TURNS, *(("braking",) if settings.exclude_braking else ()))
     known = phase.is_not_null().to_numpy()
-    kind = (
-        phase.cast(pl.String).replace_strict(
-            {name: i + 1 for i, name in enumerate(alone)}, default=0
-        )
-    ).to_numpy()
-    kind = np.where(known, kind, -1)
+    kinds = np.array([1 + alone.index(name) if name in alone else 0 for name in PHASE.categories])
+    kind = kinds.astype(np.int8)[phase.cast(PHASE).to_physical().fill_null(0).to_numpy()]
+    kind = np.where(known, kind, np.int8(-1))
     begins = np.append(True, np.diff(kind) != 0)[: kind.size] & known
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 

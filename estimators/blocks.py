@@ -13,7 +13,7 @@ from estimators.sandwich import meat
 from estimators.trace import Bools, Floats, Ints
 
 #: Rows at a time.
-BLOCK = 65_536
+BLOCK = 16_384
 
 
 class Blocks(Protocol):

@@ -1,5 +1,7 @@
 """Least squares that gives what a motion determines and NaN for the rest."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -157,6 +159,22 @@ def test_a_log_of_many_blocks_is_fitted_as_one_and_blocks_need_not_be_an_array(m
     parts = fit(planar.Motion(**channels), f, planar.PARAMETERS, segment_id, noise=noise)
     np.testing.assert_allclose(parts.theta, whole.theta, rtol=1e-10)
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8)
+
+
+def test_a_long_log_is_never_held_as_one_regressor():
+    """Whose 96 bytes a sample, and copies of it, are gigabytes a shift."""
+    channels = {name: np.tile(x, 300) for name, x in MOTIONS["joint"].items()}
+    f = np.tile(forces(MOTIONS["joint"]), (300, 1)) + np.random.default_rng(1).normal(
+        size=(600_000, 2)
+    )
+    tracemalloc.start()
+    try:
+        found = fit(planar.Motion(**channels), f, planar.PARAMETERS)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_allclose(found.theta, LOADER, rtol=1e-3)
+    assert peak / 600_000 < 96.0
 
 
 def test_the_axes_are_weighted_by_their_noise():
