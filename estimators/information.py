@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.rolling import sum_windows, workspace
+from estimators.rolling import pairs_of_blocks, sum_pair, workspace
 from estimators.trace import Floats, Ints
 
 #: A smaller share of Σx² than this is rounding, not variance.
@@ -37,20 +37,19 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
 def _correlate(A: Floats, f: Floats, window: int, index: Ints, rho: Floats, spread: Floats) -> None:
     """ρ of the only column of A and f, and its relative variance, for the windows in index."""
     work = workspace(2, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        correlation(work.moments, work.centre, window, end - row, rho[row:end], spread[row:end])
-        row = end
+    pairs = pairs_of_blocks(window, index)
+    for number in range(pairs.size - 1):
+        row: int = pairs[number]
+        end: int = pairs[number + 1]
+        sum_pair(A, f, window, index, row, end, work)
+        correlation(work.moments, work.centre, window, rho[row:end], spread[row:end])
 
 
 @compiled
-def correlation(
-    moments: Floats, centre: Floats, window: int, m: int, rho: Floats, spread: Floats
-) -> None:
+def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats) -> None:
     """ρ and relative variance (m,) from the moments of two series (see `rolling.Workspace`)."""
     dx, dy, dxx, dxy, dyy = moments[0], moments[1], moments[2], moments[3], moments[4]
-    for k in range(m):
+    for k in range(rho.size):
         x, y = dx[k] / window, dy[k] / window
         sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]
         # a window of one value has deviations of exactly zero

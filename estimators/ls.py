@@ -1,15 +1,16 @@
 """Ordinary least squares (6) over sliding windows: θ = (AᵀA)⁻¹ Aᵀf, a window stacked."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
-from estimators.compiled import compiled
 from estimators.linear import condition_number, condition_numbers, lstsq, substitute
-from estimators.normal import Normal, normal_equations, solve_products, store
-from estimators.rolling import sum_windows, window_ends, workspace
+from estimators.normal import gram, residual_squares, solve
+from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
+from estimators.threads import in_chunks
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 
@@ -44,76 +45,50 @@ def fit(
     return Estimate(theta, std, rms, float(condition_number(gram)))
 
 
-def solve_windows(
-    A: Floats, f: Floats, window: int, index: Ints
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Solve the windows that end at `index`.
+class Windows(NamedTuple):
+    """What the solved windows keep, a row a window.
 
-    Returns:
-        θ (rows, p), AᵀA (rows, p(p+1)/2) packed, RSS (rows,) and condition (rows,).
+    Attributes:
+        theta: (rows, p) estimates.
+        grams: (rows, p(p+1)/2) packed, what stands for AᵀA in their deviations.
+        rss: (rows,) residual sums of squares.
+        condition: (rows,) condition numbers.
     """
-    rows, p = index.size, A.shape[1]
-    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
-    rss, condition = np.empty(rows), np.empty(rows)
-    _solve(A, f, window, index, theta, grams, rss, condition)
-    return theta, grams, rss, condition
+
+    theta: Floats
+    grams: Floats
+    rss: Floats
+    condition: Floats
+
+    @classmethod
+    def empty(cls, rows: int, parameters: int) -> "Windows":
+        """Room for that many."""
+        return cls(
+            np.empty((rows, parameters)),
+            np.empty((rows, parameters * (parameters + 1) // 2)),
+            np.empty(rows),
+            np.empty(rows),
+        )
+
+    def keep(self, rows: slice, products: Floats, theta: Floats, grams: Floats) -> None:
+        """Keep θ (p, m) and grams (entries, m) of the windows with those packed products."""
+        p = len(theta)
+        self.theta[rows] = theta.T
+        self.grams[rows] = grams.T
+        self.rss[rows] = residual_squares(products, theta)
+        self.condition[rows] = condition_numbers(products, p + 1, p)
 
 
-@compiled
-def _solve(
-    A: Floats,
-    f: Floats,
-    window: int,
-    index: Ints,
-    theta: Floats,
-    grams: Floats,
-    rss: Floats,
-    condition: Floats,
-) -> None:
-    p = A.shape[1]
-    work = workspace(p + 1, window)
-    normal = normal_equations(p, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        solve_products(work.products, end - row, normal)
-        store(normal.x, work.products, row, end - row, theta, grams)
-        for k in range(end - row):
-            rss[row + k] = normal.rss[k]
-        condition_numbers(work.products, p + 1, p, end - row, condition[row:end])
-        row = end
+def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
+    """Solve the windows that end at `index`."""
+    out = Windows.empty(index.size, A.shape[1])
 
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        out.keep(rows, products, solve(products).theta, gram(products))
 
-@compiled
-def _promise(
-    A: Floats, f: Floats, window: int, index: Ints, predicted: Floats, condition: Floats
-) -> None:
-    p = A.shape[1]
-    work = workspace(p + 1, window)
-    normal = normal_equations(p, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        predict(work.products, window, end - row, normal, predicted[row:end])
-        condition_numbers(work.products, p + 1, p, end - row, condition[row:end])
-        row = end
-
-
-@compiled
-def predict(products: Floats, window: int, m: int, normal: Normal, predicted: Floats) -> None:
-    """The predicted deviation of the first parameter (m,) from m windows' packed products."""
-    p = normal.x.shape[0]
-    solve_products(products, m, normal)
-    freedom = max(window - p, 1)
-    for k in range(m):
-        predicted[k] = normal.rss[k] / freedom
-    # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
-    normal.x[:, :m] = 0.0
-    normal.x[0, :m] = 1.0
-    substitute(normal.L, normal.inverse, m, normal.x)
-    first = normal.x[0]
-    for k in range(m):
-        predicted[k] = np.sqrt(predicted[k] * first[k])
+    in_chunks(work, index.size)
+    return out
 
 
 def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, Floats]:
@@ -125,8 +100,25 @@ def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple
         (rows,) predicted deviation and (rows,) condition number of the windows that end at index.
     """
     predicted, condition = np.empty(index.size), np.empty(index.size)
-    _promise(A, f, window, index, predicted, condition)
+
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        predicted[rows], condition[rows] = promise(products, window)
+
+    in_chunks(work, index.size)
     return predicted, condition
+
+
+def promise(products: Floats, window: int) -> tuple[Floats, Floats]:
+    """The predicted deviation (m,) and condition (m,) of windows with those packed products."""
+    solved = solve(products)
+    p = len(solved.theta)
+    # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
+    unit = np.zeros(solved.theta.shape)
+    unit[0] = 1.0
+    substitute(solved.L, solved.inverse, unit)
+    freedom = max(window - p, 1)
+    return np.sqrt(solved.rss / freedom * unit[0]), condition_numbers(products, p + 1, p)
 
 
 def trace(
@@ -145,9 +137,13 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    theta, grams, rss, condition = solve_windows(A, f, window, index)
-    correlation, _ = pooled_autocorrelation(
-        *window_residuals(A, f, theta, index, window), A.shape[1]
-    )
+    return traced(A, f, window, index, solve_windows(A, f, window, index))
+
+
+def traced(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
+    """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
+    theta, grams, rss, condition = solved
+    residual, owner = window_residuals(A, f, theta, index, window)
+    correlation, _ = pooled_autocorrelation(residual, owner, A.shape[1])
     std = window_deviations(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

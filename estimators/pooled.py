@@ -9,8 +9,8 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
-from estimators.linear import at, condition_numbers
-from estimators.normal import normal_equations, solve_products
+from estimators.linear import at, condition_numbers, unpack
+from estimators.normal import solve
 from estimators.sandwich import deviations, meat
 from estimators.trace import Floats, Ints, Trace
 
@@ -50,18 +50,6 @@ def add_sample(a: Floats, f: float, products: Floats) -> None:
     products[at(p, p, p + 1)] += f * f
 
 
-@compiled
-def solve_sums(products: Floats) -> tuple[Floats, Floats]:
-    """θ (ids, p) and condition (ids,) of packed sums (entries, ids); NaN where singular."""
-    entries, ids = products.shape
-    p = int(np.sqrt(2 * entries)) - 1
-    normal = normal_equations(p, ids)
-    solve_products(products, ids, normal)
-    condition = np.empty(ids)
-    condition_numbers(products, p + 1, p, ids, condition)
-    return normal.x.T.copy(), condition
-
-
 def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None) -> Trace:
     """Estimate every segment.
 
@@ -82,7 +70,8 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     if ids.size == 0:
         return Trace.empty(p)
     products, first, last = _sums(A, f, segment_id, ids)
-    theta, condition = solve_sums(products)
+    theta = np.ascontiguousarray(solve(products).theta.T)
+    condition = condition_numbers(products, p + 1, p)
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
@@ -95,14 +84,5 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        std[row] = deviations(_gram(products[:, row], p), B, rss[row], counts[row])
+        std[row] = deviations(unpack(products[:, row], p + 1, p), B, rss[row], counts[row])
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)
-
-
-def _gram(products: Floats, p: int) -> Floats:
-    """AᵀA (p, p) from a packed sum."""
-    G = np.empty((p, p))
-    for i in range(p):
-        for j in range(i, p):
-            G[i, j] = G[j, i] = products[at(i, j, p + 1)]
-    return G

@@ -12,15 +12,15 @@ import numpy as np
 
 from estimators import directional
 from estimators.autocorrelation import pooled_autocorrelation
-from estimators.compiled import compiled
-from estimators.linear import condition_number, condition_numbers, lstsq
-from estimators.normal import normal_equations, solve_products
+from estimators.linear import condition_number, condition_numbers, lstsq, pack
+from estimators.normal import solve
 from estimators.recursive import (
-    CHUNK,
+    chunks_of,
     discounted_meats,
     fed_samples,
     feed_products,
-    packed,
+    in_lanes,
+    weights,
 )
 from estimators.rolling import window_ends
 from estimators.sandwich import meat, recursive_deviations
@@ -136,12 +136,23 @@ def _discounted(
     fed, seen = fed_samples(index, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
     residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
-    past = packed(information(begin))
-    _feed(A, f, fed, seen, forgetting, past, begin.weight, theta, rms, condition, residual, owner)
-    theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
+    theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
     condition[0] = condition_number(gram)
     residual[first], owner[first] = f[first] - A[first] @ begin.theta, 0
+    past, weight = in_lanes(pack(information(begin))), begin.weight
+    entries = (p + 1) * (p + 2) // 2
+    for of_chunk, of_rows, at_rows in chunks_of(seen):
+        sums, z = feed_products(A, f, fed[of_chunk], forgetting, past)
+        solved = solve(sums[:entries])
+        e = z[p].copy()
+        for x, column in zip(solved.theta, z, strict=False):
+            e -= x * column
+        residual[fed[of_chunk]], owner[fed[of_chunk]] = e, 0
+        weight = weights(e.size, forgetting, float(np.atleast_1d(weight)[-1]))
+        theta[of_rows] = solved.theta[:, at_rows].T
+        rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
+        condition[of_rows] = condition_numbers(sums[:, at_rows], p + 1, p)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = pooled_autocorrelation(residual, owner, 0)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
@@ -158,61 +169,6 @@ def information(state: RlsState) -> Floats:
     return np.block([[R, h[:, None]], [h[None, :], np.array([[state.square + state.theta @ h]])]])
 
 
-@compiled
-def _feed(
-    A: Floats,
-    f: Floats,
-    fed: Ints,
-    seen: Ints,
-    forgetting: float,
-    past: Floats,
-    weight: float,
-    theta: Floats,
-    rms: Floats,
-    condition: Floats,
-    residual: Floats,
-    owner: Ints,
-) -> None:
-    """θ, r.m.s. and condition from the second row on; residuals of the samples fed, owner 0."""
-    p = A.shape[1]
-    z = np.empty((p + 1, CHUNK))
-    terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
-    rows_sums, rows_condition = np.empty((past.size, CHUNK)), np.empty(CHUNK)
-    normal = normal_equations(p, CHUNK)
-    row = 1
-    begin = 0
-    while begin < fed.size:
-        end = feed_products(A, f, fed, begin, forgetting, past, z, terms, sums)
-        count = end - begin
-        solve_products(sums, count, normal)
-        e = residual[fed[begin] : fed[begin] + count]
-        owner[fed[begin] : fed[begin] + count] = 0
-        e[:] = z[p, :count]
-        for c in range(p):
-            x, column = normal.x[c], z[c]
-            for k in range(count):
-                e[k] -= x[k] * column[k]
-        m = 0
-        done = begin
-        while row + m < seen.size and seen[row + m] <= end:
-            k = seen[row + m] - 1 - begin
-            for _ in range(seen[row + m] - done):
-                weight = forgetting * weight + 1.0
-            done = seen[row + m]
-            for c in range(p):
-                theta[row + m, c] = normal.x[c, k]
-            rms[row + m] = np.sqrt(normal.rss[k] / weight)
-            for lane in range(past.size):
-                rows_sums[lane, m] = sums[lane, k]
-            m += 1
-        for _ in range(end - done):
-            weight = forgetting * weight + 1.0
-        condition_numbers(rows_sums, p + 1, p, m, rows_condition)
-        condition[row : row + m] = rows_condition[:m]
-        row += m
-        begin = end
-
-
 def _deviations(
     A: Floats,
     first: Floats,
@@ -224,17 +180,18 @@ def _deviations(
     correlation: Floats,
 ) -> Floats:
     """Standard deviations (rows, p) for residuals of variance 1: diag R⁻¹ M R⁻¹, R = P⁻¹."""
-    rows, p = index.size, A.shape[1]
-    shape = (rows, p * (p + 1) // 2)
-    bread, meats, white = np.empty(shape), np.empty(shape), np.empty(shape)
     one, none, start = np.zeros(len(first), np.int64), np.ones(1), int(index[0])
-    for M, r in ((meats, correlation), (white, none)):
-        begin = meat(first, one, 0, 0, len(first) - 1, r)
-        discounted_meats(A, first, fed, seen, start, forgetting, forgetting**2, r, begin, M)
-    discounted_meats(A, first, fed, seen, start, forgetting, forgetting, none, R, bread)
-    out = np.empty((rows, p))
-    recursive_deviations(bread, meats, white, out)
-    return out
+    meats, white = (
+        discounted_meats(
+            A, first, fed, seen, start, forgetting, forgetting**2, r,
+            in_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
+        )
+        for r in (correlation, none)
+    )  # fmt: skip
+    bread = discounted_meats(
+        A, first, fed, seen, start, forgetting, forgetting, none, in_lanes(pack(R))
+    )
+    return recursive_deviations(bread, meats, white)
 
 
 def _along_samples(
