@@ -12,7 +12,7 @@ import numpy as np
 
 from estimators import ls
 from estimators.linear import lstsq
-from estimators.normal import gram, solve
+from estimators.normal import gram, residual_squares, solve
 from estimators.reweighted import reweighted_sums
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation
@@ -63,7 +63,7 @@ def solve_windows(
     def work(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta = weigh(A, f, window, index[rows], products, options)
-        out.keep(rows, products, theta, gram(products))
+        out.keep(rows, products, theta, gram(products), residual_squares(products, theta))
 
     in_chunks(work, index.size)
     return out

@@ -14,7 +14,7 @@ from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
 from estimators.linear import at, lstsq
-from estimators.normal import gram, solve
+from estimators.normal import gram, residual_squares, solve
 from estimators.reweighted import AT_ONCE, load, residuals, reweighted_sums, runs
 from estimators.rolling import sample_products, sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
@@ -220,7 +220,7 @@ def trace(
     def work(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
         theta, of_rows = bend(A, f, window, index[rows], products, options)
-        solved.keep(rows, products, theta, gram(products))
+        solved.keep(rows, products, theta, gram(products), residual_squares(products, theta))
         for whole, part in zip(bent, of_rows, strict=True):
             whole[rows] = part
 

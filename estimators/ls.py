@@ -7,7 +7,7 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.linear import condition_number, condition_numbers, lstsq, substitute
-from estimators.normal import gram, residual_squares, solve
+from estimators.normal import gram, solve
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.threads import in_chunks
@@ -70,12 +70,14 @@ class Windows(NamedTuple):
             np.empty(rows),
         )
 
-    def keep(self, rows: slice, products: Floats, theta: Floats, grams: Floats) -> None:
-        """Keep θ (p, m) and grams (entries, m) of the windows with those packed products."""
+    def keep(
+        self, rows: slice, products: Floats, theta: Floats, grams: Floats, rss: Floats
+    ) -> None:
+        """Keep θ (p, m), grams (entries, m) and RSS (m,) of windows with those packed products."""
         p = len(theta)
         self.theta[rows] = theta.T
         self.grams[rows] = grams.T
-        self.rss[rows] = residual_squares(products, theta)
+        self.rss[rows] = rss
         self.condition[rows] = condition_numbers(products, p + 1, p)
 
 
@@ -85,7 +87,8 @@ def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
 
     def work(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
-        out.keep(rows, products, solve(products).theta, gram(products))
+        solved = solve(products)
+        out.keep(rows, products, solved.theta, gram(products), solved.rss)
 
     in_chunks(work, index.size)
     return out

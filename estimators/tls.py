@@ -13,7 +13,7 @@ import numpy as np
 from estimators import ls
 from estimators.compiled import compiled
 from estimators.linear import at, condition_number, factor, pack, solve_spd, substitute
-from estimators.normal import columns_of, gram
+from estimators.normal import columns_of, gram, residual_squares
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation
 from estimators.threads import in_chunks
@@ -145,7 +145,8 @@ def solve_windows(
 
     def work(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
-        out.keep(rows, products, *solve_scaled(products, options))
+        theta, clean = solve_scaled(products, options)
+        out.keep(rows, products, theta, clean, residual_squares(products, theta))
 
     in_chunks(work, index.size)
     return out
