@@ -4,7 +4,7 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 
-.PHONY: demo test lint types tests docs campaign lock clean help
+.PHONY: demo test lint types tests docs campaign coverage forgetting gates reproduction lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -42,6 +42,18 @@ docs: $(TEST_STAMP) ## run the documentation's commands and write down what come
 
 campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
 	$(BIN)/python benchmarks/campaign.py
+
+coverage: $(TEST_STAMP) ## how often 95 % intervals contain the truth, into the documentation (fifteen minutes)
+	$(BIN)/python benchmarks/intervals.py --write
+
+forgetting: $(TEST_STAMP) ## which λ to forget with, into the documentation (four minutes)
+	$(BIN)/python benchmarks/forgetting.py --write
+
+gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fifteen minutes)
+	$(BIN)/python benchmarks/gates.py --write
+
+reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (ten minutes)
+	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \

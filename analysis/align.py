@@ -57,7 +57,7 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
         columns[name] = np.where(stale, np.nan, held)
         if name in needed:
             gap |= stale
-    columns = mounting.to_machine_axes(columns, machine.machine.imu)
+    columns = mounting.at_origin(columns, machine.machine.imu)
     return build("aligned", {"t_ns": grid - start, **columns, "gap": gap}), start
 
 

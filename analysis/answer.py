@@ -5,17 +5,19 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.gate import samples_of
+from analysis.regressor import YAW_COLUMNS
 from analysis.run import Run
 from analysis.settings import Settings
-from analysis.verdict import can_weigh
+from analysis.verdict import can_weigh, tells_inertia
+from analysis.windows import samples_of
 
 
 def answer(run: Run) -> dict[str, Any]:
     """What `payscope run --json` gives, without the recording's path.
 
-    Masses, payloads and frictions are given by method. `accepted_share` is the share of samples
-    that lie in an accepted window.
+    Masses, payloads, frictions and, where the channels allow it, inertias are given by method.
+    `accepted_share` is the share of samples that lie in an accepted window. `planar` has the arc
+    and joint fits.
     """
     by_method = {row["method"]: row for row in run.frames["masses"].to_dicts()}
     judged = run.frames["verdict"]
@@ -25,13 +27,41 @@ def answer(run: Run) -> dict[str, Any]:
         **{
             name: {method: row[name] for method, row in by_method.items()}
             for name in run.frames["masses"].columns
-            if name not in ("method", "rows", "withheld")
+            if name not in ("method", "rows", "rows_z", "withheld", "withheld_z")
         },
+        "planar": run.frames["planar"].to_dicts() if "planar" in run.frames else [],
         "accepted_share": float(used.mean()) if used.size else 0.0,
-        "verdict": {"can_weigh": can_weigh(judged), "checks": judged.to_dicts()},
+        "verdict": {
+            "can_weigh": can_weigh(judged),
+            "tells_inertia": tells_inertia(judged),
+            "checks": judged.to_dicts(),
+        },
         "losses": [loss.model_dump() for loss in run.provenance.losses],
         "notes": list(run.provenance.notes),
     }
+
+
+def obstacles(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> list[str]:
+    """What stands between this log and an answer, a sentence each."""
+    found = (
+        why_nothing_was_accepted(excitation, gated, settings),
+        why_spins_are_not_used(excitation, settings),
+    )
+    return [sentence for sentence in found if sentence]
+
+
+def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str | None:
+    """A sentence that names the channels that spins lack, where there are spins; else None."""
+    spins = (excitation["phase"] == "spinning").fill_null(False).sum()
+    missing = [name for name in YAW_COLUMNS if name not in excitation.columns]
+    if spins < settings.window_samples or not missing:
+        return None
+    remedies = {
+        "torque_z_N_m": "channels.torque_z_N_m, or both wheel torques and machine.track_width_m",
+        "yaw_acc_rad_s2": 'channels.yaw_acc_rad_s2 (derive = "d/dt yaw_rate_rad_s")',
+    }
+    wanted = " and ".join(remedies.get(name, f"channels.{name}") for name in missing)
+    return f"the log has spins, but no inertia without {wanted}"
 
 
 def why_nothing_was_accepted(

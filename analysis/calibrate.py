@@ -1,5 +1,7 @@
 """The paper's calibration (19): a straight line from estimated to reference mass, on load means."""
 
+from typing import Final
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -10,6 +12,8 @@ from analysis.schema import conform
 _LOADS_MIN = 3
 #: A spread of estimates below this share of their size is rounding, not information.
 _SPREAD_MIN = 1e-9
+#: What makes the runs of one point of the fit.
+_POINT: Final = ("method", "load_kg", "reference_kg")
 
 
 def calibrate(estimates: pl.DataFrame) -> pl.DataFrame:
@@ -32,7 +36,7 @@ def calibrate(estimates: pl.DataFrame) -> pl.DataFrame:
     mass = pl.col("mass_kg").cast(pl.Float64)
     mass = pl.when(mass.is_finite()).then(mass)
     means = (
-        estimates.group_by("method", "load_kg", "reference_kg", maintain_order=True)
+        estimates.group_by(*_POINT, maintain_order=True)
         .agg(runs=mass.count(), estimate_kg=mass.mean(), estimate_std_kg=mass.std())
         .sort("load_kg", maintain_order=True)
     )
@@ -67,6 +71,43 @@ def rms_errors(calibration: pl.DataFrame) -> pl.DataFrame:
         rmse_constant_kg=reference.std(ddof=0),
         load_range_kg=reference.max() - reference.min(),
     )
+
+
+def run_errors(estimates: pl.DataFrame) -> pl.DataFrame:
+    """Errors of single runs after (19), fitted on load means, with and without the run's own load.
+
+    Args:
+        estimates: as `calibrate` takes them.
+
+    Returns:
+        The estimates' rows with `error_kg` and `error_left_out_kg`: the calibrated mass less the
+        reference. Null where the run gave no mass, or the loads determine no line.
+    """
+    fitted = calibrate(estimates)
+    lines = fitted.join(_lines_left_out(fitted), _POINT, "left").select(
+        *_POINT, "alpha_1", "beta_kg", "alpha_left_out_1", "beta_left_out_kg"
+    )
+    mass, reference = pl.col("mass_kg"), pl.col("reference_kg")
+    within = pl.col("alpha_1") * mass + pl.col("beta_kg")
+    without = pl.col("alpha_left_out_1") * mass + pl.col("beta_left_out_kg")
+    return estimates.join(lines, _POINT, "left", maintain_order="left").select(
+        *estimates.columns, error_kg=within - reference, error_left_out_kg=without - reference
+    )
+
+
+def _lines_left_out(calibration: pl.DataFrame) -> pl.DataFrame:
+    """The line of (19) without each load, a row a method and load that a line can do without."""
+    rows: list[tuple[str, float, float, float, float]] = []
+    fitted = calibration.filter(pl.col("error_left_out_kg").is_not_null())
+    for (method,), means in fitted.group_by("method", maintain_order=True):
+        estimate, reference = means["estimate_kg"].to_numpy(), means["reference_kg"].to_numpy()
+        for k, load_kg in enumerate(means["load_kg"]):
+            line = _line(np.delete(estimate, k), np.delete(reference, k))
+            if line is not None:
+                rows.append((str(method), load_kg, reference[k], *line))
+    numbers = (*_POINT[1:], "alpha_left_out_1", "beta_left_out_kg")
+    schema = {"method": pl.String} | dict.fromkeys(numbers, pl.Float64)
+    return pl.DataFrame(rows, schema=schema, orient="row")
 
 
 def _fit_method(means: pl.DataFrame) -> pl.DataFrame:

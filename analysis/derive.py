@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 import polars as pl
 
-from analysis import filters
+from analysis import filters, mounting
 from analysis.machine import Channel, Machine
 from analysis.run import Loss
-from analysis.schema import CHANNEL_COLUMNS
+from analysis.schema import CHANNEL_COLUMNS, HINTS
 from analysis.units import to_si
 from estimators.errors import DataError
 
@@ -26,10 +26,11 @@ def derive(
 
     Where any channel is differentiated, one zero-phase low-pass (causal by setting) is applied to
     every force and motion channel alike, at its own rate, before any derivative is taken: a filter
-    on one regressor alone biases the mass.
+    on one regressor alone biases the mass. A rotated IMU's axes are turned into the machine's after
+    the filter and before any derivative.
 
     Args:
-        placed: by topic: unix_ns and fields.
+        placed: by topic: unix_ns and fields; the topic of a hint may be missing.
         machine: channels and settings.
 
     Returns:
@@ -40,38 +41,45 @@ def derive(
     losses: list[Loss] = []
     notes: list[str] = []
     filtering = any(channel.derivative_of for channel in machine.channels.values())
-    series: dict[str, tuple[filters.Ints, filters.Floats]] = {}
+    picked: dict[str, mounting.Series] = {}
+    for name, channel in machine.channels.items():
+        topic = channel.topic or "table"
+        if channel.sources or (name in HINTS and topic not in placed):
+            continue
+        if channel.angle_of:
+            t, x = _angle(name, channel, placed[topic], machine, losses)
+        else:
+            t, x = _pick(name, channel, placed[topic], losses)
+        if filtering and name not in _UNFILTERED:
+            rate_hz = 1e9 / filters.period_ns(t)
+            if settings.derivative_cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
+                notes.append(
+                    f"{name}: low-pass of {settings.derivative_cutoff_hz:g} Hz not applied, "
+                    f"its topic has only {rate_hz:.4g} Hz"
+                )
+            else:
+                t, x = filters.low_pass(
+                    t,
+                    x,
+                    settings.derivative_cutoff_hz,
+                    filters.longest_step_ns(t, settings),
+                    causal=settings.causal,
+                )
+        picked[name] = _filled(name, t, x)
+
+    series = mounting.to_machine_axes(picked, machine.machine.imu, settings)
     for name in machine.derivation_order():
         channel = machine.channels[name]
         if channel.derivative_of:
             t, x = series[channel.derivative_of]
             longest_ns = filters.longest_step_ns(t, settings)
             t, x = filters.derivative(t, x, longest_ns, causal=settings.causal)
-            x = x * channel.scale + channel.offset
         elif channel.mean_of:
             first, second = (series[source] for source in channel.mean_of)
             t, x = _mean(first, second, filters.longest_step_ns(second[0], settings))
-            x = x * channel.scale + channel.offset
         else:
-            t, x = _pick(name, channel, placed[channel.topic or "table"], losses)
-            if filtering and name not in _UNFILTERED:
-                rate_hz = 1e9 / filters.period_ns(t)
-                if settings.derivative_cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
-                    notes.append(
-                        f"{name}: low-pass of {settings.derivative_cutoff_hz:g} Hz not applied, "
-                        f"its topic has only {rate_hz:.4g} Hz"
-                    )
-                else:
-                    t, x = filters.low_pass(
-                        t,
-                        x,
-                        settings.derivative_cutoff_hz,
-                        filters.longest_step_ns(t, settings),
-                        causal=settings.causal,
-                    )
-        if t.size == 0:
-            raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
-        series[name] = t, x
+            continue
+        series[name] = _filled(name, t, x * channel.scale + channel.offset)
     t, speed = series["speed_x_m_s"]
     # the sign of a standing machine's noise is a regressor of pure noise
     moves = np.abs(speed) > settings.direction_deadband_m_s
@@ -80,16 +88,50 @@ def derive(
     return frames, losses, notes
 
 
+def _angle(
+    name: str,
+    channel: Channel,
+    frame: pl.DataFrame,
+    machine: Machine,
+    losses: list[Loss],
+) -> tuple[filters.Ints, filters.Floats]:
+    """An angle of the machine from the orientation of its IMU."""
+    assert channel.angle_of is not None
+    angle, quaternion = channel.angle_of
+    parts = np.stack([_numbers(name, channel, field, frame) for field in channel.fields])
+    x = mounting.inclination(parts, machine.machine.imu)[angle]
+    return _usable(name, channel, quaternion, frame, x, losses)
+
+
 def _pick(
     name: str, channel: Channel, frame: pl.DataFrame, losses: list[Loss]
 ) -> tuple[filters.Ints, filters.Floats]:
-    """A field in SI units, finite samples alone, one a stamp (the last)."""
-    where = f"{channel.field} of {channel.topic or 'the table'}"
-    field = frame[str(channel.field)]
-    if not (field.dtype.is_numeric() or field.dtype == pl.Boolean or field.dtype == pl.Null):
-        raise DataError(f"{name}: {where} is {field.dtype}, not a number")
+    """A field in SI units."""
+    field = str(channel.field)
+    t, x = _usable(name, channel, field, frame, _numbers(name, channel, field, frame), losses)
+    gain, offset = to_si(channel.unit, _SI[name]) if channel.unit else (1.0, 0.0)
+    return t, (x * channel.scale + channel.offset) * gain + offset
+
+
+def _numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
+    dtype = frame[field].dtype
+    if not (dtype.is_numeric() or dtype == pl.Boolean or dtype == pl.Null):
+        where = f"{field} of {channel.topic or 'the table'}"
+        raise DataError(f"{name}: {where} is {dtype}, not a number")
+    return frame[field].cast(pl.Float64).to_numpy()
+
+
+def _usable(
+    name: str,
+    channel: Channel,
+    field: str,
+    frame: pl.DataFrame,
+    x: filters.Floats,
+    losses: list[Loss],
+) -> tuple[filters.Ints, filters.Floats]:
+    """Finite samples alone, one a stamp (the last), when they were measured."""
+    where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
-    x = field.cast(pl.Float64).to_numpy()
     finite = np.isfinite(x)
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
@@ -98,7 +140,7 @@ def _pick(
             Loss(
                 source=name,
                 topic=channel.topic or "",
-                what=f"{int((~finite).sum())} of {x.size} samples of {channel.field} are missing "
+                what=f"{int((~finite).sum())} of {x.size} samples of {field} are missing "
                 "or not finite; they were left out",
             )
         )
@@ -108,16 +150,20 @@ def _pick(
             Loss(
                 source=name,
                 topic=channel.topic or "",
-                what=f"{int((~last).sum())} samples of {channel.field} share a stamp with the "
+                what=f"{int((~last).sum())} samples of {field} share a stamp with the "
                 "next; the last of each was kept",
             )
         )
     t, x = t[finite][last], x[finite][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    gain, offset = to_si(channel.unit, _SI[name]) if channel.unit else (1.0, 0.0)
-    x = (x * channel.scale + channel.offset) * gain + offset
     return t - round(channel.delay_s * 1e9), x
+
+
+def _filled(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
+    if t.size == 0:
+        raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
+    return t, x
 
 
 def _mean(
@@ -126,8 +172,5 @@ def _mean(
     longest_ns: float,
 ) -> tuple[filters.Ints, filters.Floats]:
     """The mean of two channels at the stamps of the first, the second held while it is fresh."""
-    if np.array_equal(a[0], b[0]):
-        return a[0], (a[1] + b[1]) / 2.0
-    at = np.searchsorted(b[0], a[0], side="right") - 1
-    known = (at >= 0) & (a[0] - b[0][at] <= longest_ns)
-    return a[0][known], (a[1][known] + b[1][at[known]]) / 2.0
+    t, other = filters.held(*b, a[0], longest_ns)
+    return t, (a[1][np.isin(a[0], t)] + other) / 2.0

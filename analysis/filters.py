@@ -94,6 +94,19 @@ def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tup
     return np.concatenate(times), np.concatenate(rates)
 
 
+def held(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
+    """The last sample at or before each stamp, where it is no older than `longest_ns`.
+
+    Returns:
+        The stamps that have one, and the samples.
+    """
+    if np.array_equal(t_ns, at_ns):
+        return at_ns, x
+    index = np.searchsorted(t_ns, at_ns, side="right") - 1
+    known = (index >= 0) & (at_ns - t_ns[index] <= longest_ns)
+    return at_ns[known], x[index[known]]
+
+
 def _uniform(t_ns: Ints, x: Floats, period: float, *, causal: bool) -> tuple[Ints, Floats]:
     if t_ns.size < 2 or np.abs(np.diff(t_ns) - period).max() <= _UNIFORM * period:
         return t_ns, x

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from analysis.machine import Body, Machine
 from analysis.phases import phases, speed_rate
+from analysis.regressor import YAW_COLUMNS
 from analysis.schema import FRAMES, build, values
 
 Floats = NDArray[np.float64]
@@ -33,6 +34,8 @@ def forces(smoothed: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     if torque is not None:
         columns["torque_z_N_m"] = torque
     columns["regressor_acc_x_m_s2"] = regressor_acceleration(smoothed, machine)
+    if set(YAW_COLUMNS) <= set(columns):
+        columns["regressor_acc_y_m_s2"] = lateral_acceleration(smoothed, machine)
     columns["speed_rate_x_m_s2"] = rate
     columns["phase"] = phases(smoothed, speed, rate, settings)
     return build("excitation", columns)
@@ -73,4 +76,20 @@ def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     if "pitch_rad" in smoothed.columns:
         pitch = values(smoothed, "pitch_rad")
         acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(pitch)
+    return acceleration
+
+
+def lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
+    """Specific force of the origin to the left, (rows,) in m/s².
+
+    The accelerometer's, where it is chosen and has that axis: it knows a skid-steer's sideways
+    slip. Otherwise ω v, which is right for wheels that do not slip, + g·sin(roll).
+    """
+    measured = "specific_force_y_m_s2" in smoothed.columns
+    if machine.settings.acceleration == "specific_force" and measured:
+        return values(smoothed, "specific_force_y_m_s2")
+    acceleration = values(smoothed, "yaw_rate_rad_s") * values(smoothed, "speed_x_m_s")
+    if "roll_rad" in smoothed.columns:
+        roll = values(smoothed, "roll_rad")
+        acceleration = acceleration + machine.machine.gravity_m_s2 * np.sin(roll)
     return acceleration

@@ -5,35 +5,48 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.constants import g as standard_gravity
 
-from analysis.phases import beside_speed_rate, span_rows
-from analysis.regressor import straight
+from analysis.phases import beside_speed_rate, span_rows, yaw_pace
+from analysis.regressor import Axis, X, axes, regressor
 from analysis.schema import REASON, build, values
 from analysis.settings import Settings
+from analysis.windows import samples_of, windows_with
 from estimators import information, ls, neighbours
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _TURNS = ("spinning", "arc", "turning")
+#: What a window of the z axis may hold: in place the machine spins or stands.
+_IN_PLACE = ("spinning", "standstill")
 
 
 def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
-    """Judge the window of exactly `window_samples` rows that ends at each row.
+    """Judge the window of exactly `window_samples` rows that ends at each row, axis by axis.
 
-    A window is refused when it contains a missing sample, a turn or (by setting) braking;
-    standstill and cruise may be inside, since the step from standstill to start is the
-    information. Then the gate of the settings decides: the index (11), the nearest-neighbour
-    mutual information or the predicted deviation.
+    A window is refused when it contains a missing sample, another motion than its axis is about (a
+    turn for x, any travel for z) or, by setting, braking; standstill may be inside, and cruise,
+    since the step from standstill to start is the information. Then the gate of the settings
+    decides: the index (11), the nearest-neighbour mutual information or the predicted deviation.
 
     Args:
-        excitation: the regressor and the phases.
+        excitation: the regressors and the phases.
         settings: window, threshold, what is refused.
 
     Returns:
-        `gate`, a row a row of `excitation`.
+        `gate`, a row a row of `excitation`; columns of the z axis where the channels allow it.
     """
-    window = settings.window_samples
-    A, f = straight(excitation, settings)
+    columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
+    for axis in axes(excitation):
+        columns |= _judged(axis, excitation, settings)
+    return build("gate", columns)
+
+
+def _judged(
+    axis: Axis, excitation: pl.DataFrame, settings: Settings
+) -> dict[str, Floats | pl.Series]:
+    """The columns of one axis."""
+    window, letter = settings.window_samples, axis.letter
+    A, f = regressor(axis, excitation, settings)
     n = f.size
     phase = excitation["phase"]
     # a row of unknown phase might be braking, and is in no manoeuvre
@@ -50,31 +63,26 @@ def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
     if rows.size:
         predicted_std[rows], condition[rows] = ls.predicted_deviation(A, f, window, rows)
 
-    moving = (phase != "standstill").fill_null(True).to_numpy()
     first = int(np.argmin(missing)) if n and not missing.all() else n
     # in the order of precedence: the first that holds is the reason
     refusals: dict[str, Bools] = {
         "warming_up": np.arange(n) < first + window - 1,
         "gap": has_gap,
-        "saturated": windows_with(_saturated(excitation, settings), window),
-        "turning": windows_with(phase.is_in(_TURNS).fill_null(False).to_numpy(), window),
-        "braking": windows_with(_braking(phase, settings), window),
-        "standstill": ~windows_with(moving, window),
-        "slip": windows_with(_slipping(excitation, settings), window),
+        **_refusals(axis, excitation, settings),
         "no_variance": np.isnan(rho),
         "negative_dependence": rho < 0,
     }
-    columns = {
-        "t_ns": excitation["t_ns"],
-        "corr_x_1": np.where(complete & (spread > 0), rho, np.nan),
-        "mi_x_nat": np.where(complete, index, np.nan),
-        "predicted_std_x": predicted_std,
+    columns: dict[str, Floats | pl.Series] = {
+        f"corr_{letter}_1": np.where(complete & (spread > 0), rho, np.nan),
+        f"mi_{letter}_nat": np.where(complete, index, np.nan),
+        f"predicted_std_{letter}": predicted_std,
     }
     match settings.gate:
         case "information":
             poor = index < settings.threshold_nat
         case "variance":
-            poor = ~(predicted_std <= settings.threshold_std_kg)
+            x, z = settings.threshold_std_kg, settings.threshold_std_kg_m2
+            poor = ~(predicted_std <= (x if axis is X else z))
         case "ksg":
             # costly, so only where nothing else refuses the window
             left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
@@ -82,35 +90,46 @@ def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
             ksg[left] = neighbours.window_mutual_information(
                 A[:, 0].copy(), f, window, left, settings.ksg_neighbours
             )
-            columns["ksg_x_nat"] = ksg
+            columns[f"ksg_{letter}_nat"] = ksg
             poor = ~(ksg >= settings.threshold_nat)
     refusals["low_information"] = poor
     refusals["ill_conditioned"] = ~(condition <= settings.condition_max)
     reason = np.select(list(refusals.values()), list(refusals), "accepted")
-    return build(
-        "gate",
-        {
-            **columns,
-            "accepted_x": reason == "accepted",
-            "reason_x": pl.Series(reason, dtype=pl.String).cast(REASON),
-        },
-    )
+    return {
+        **columns,
+        f"accepted_{letter}": pl.Series(reason == "accepted"),
+        f"reason_{letter}": pl.Series(reason, dtype=pl.String).cast(REASON),
+    }
 
 
-def windows_with(flag: Bools, window: int) -> Bools:
-    """Whether any of the `window` rows that end at each row is flagged (fewer at the start)."""
-    count = np.concatenate([[0], np.cumsum(flag)])
-    start = np.maximum(np.arange(flag.size) + 1 - window, 0)
-    return count[1:] > count[start]
+def _refusals(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> dict[str, Bools]:
+    """What the motion in a window refuses it for, in the order of precedence."""
+    window, phase = settings.window_samples, excitation["phase"]
+    moving = (phase != "standstill").fill_null(True).to_numpy()
+    stands = ~windows_with(moving, window)
+    braking = windows_with(_braking(axis, excitation, settings), window)
+    if axis is X:
+        clipped = _saturated(values(excitation, "force_x_N"), settings.saturation_force_N)
+        return {
+            "saturated": windows_with(clipped, window),
+            "turning": windows_with(phase.is_in(_TURNS).fill_null(False).to_numpy(), window),
+            "braking": braking,
+            "standstill": stands,
+            "slip": windows_with(_slipping(excitation, settings), window),
+        }
+    clipped = _saturated(values(excitation, "torque_z_N_m"), settings.saturation_torque_z_N_m)
+    travels = ~phase.is_in(_IN_PLACE).fill_null(True).to_numpy()
+    return {
+        "saturated": windows_with(clipped, window),
+        "translating": windows_with(travels, window),
+        "braking": braking,
+        "standstill": stands,
+    }
 
 
-def samples_of(accepted: Bools, window: int) -> Bools:
-    """Whether each row lies inside at least one accepted window."""
-    # the windows that hold row k end at k … k + window - 1
-    return windows_with(accepted[::-1], window)[::-1]
-
-
-def accepted_samples(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> Bools:
+def accepted_samples(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
+) -> Bools:
     """The samples to pool, (rows,): inside an accepted window, not standing, not yet braking.
 
     What holds a standing machine is its brakes, which the wheel torques do not show: on a slope
@@ -118,28 +137,29 @@ def accepted_samples(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Se
     late by up to its span and the moving mean; a window must live with that on board, pooling
     need not.
     """
-    used = samples_of(gated["accepted_x"].to_numpy(), settings.window_samples)
-    phase = excitation["phase"]
-    used &= (phase != "standstill").fill_null(True).to_numpy()
-    if settings.exclude_braking:
-        lag = span_rows(settings) + settings.smooth_samples
-        braking = _braking(phase, settings)
-        used &= ~windows_with(braking[::-1], lag)[::-1]
-    return used
+    used = samples_of(gated[f"accepted_{axis.letter}"].to_numpy(), settings.window_samples)
+    used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
+    return used & ~braking_within_sight(_braking(axis, excitation, settings), settings)
 
 
-def _braking(phase: pl.Series, settings: Settings) -> Bools:
+def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
+    """The samples that brake, and those before them that may brake unseen."""
+    return windows_with(braking[::-1], span_rows(settings) + settings.smooth_samples)[::-1]
+
+
+def _braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     if not settings.exclude_braking:
-        return np.zeros(phase.len(), np.bool_)
-    return (phase == "braking").fill_null(False).to_numpy()
-
-
-def _saturated(excitation: pl.DataFrame, settings: Settings) -> Bools:
-    if settings.saturation_force_N is None:
         return np.zeros(excitation.height, np.bool_)
+    if axis is X:
+        return (excitation["phase"] == "braking").fill_null(False).to_numpy()
+    return yaw_pace(values(excitation, "yaw_rate_rad_s"), settings) < 0
+
+
+def _saturated(force: Floats, limit: float | None) -> Bools:
+    if limit is None:
+        return np.zeros(force.size, np.bool_)
     # a mean of clipped samples is the limit but for rounding
-    limit = settings.saturation_force_N * (1.0 - 1e-9)
-    return np.abs(values(excitation, "force_x_N")) >= limit
+    return np.abs(force) >= limit * (1.0 - 1e-9)
 
 
 def _slipping(excitation: pl.DataFrame, settings: Settings) -> Bools:

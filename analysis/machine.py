@@ -14,6 +14,7 @@ from estimators.errors import nearest
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
 _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
+_ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 
 
 def _known_timezone(name: str) -> str:
@@ -98,6 +99,19 @@ class Channel(BaseModel):
         return (match[1], match[2]) if match else None
 
     @property
+    def angle_of(self) -> tuple[str, str] | None:
+        """The angle and the quaternion's field of `derive = "pitch(FIELD)"` or `"roll(FIELD)"`."""
+        match = _ANGLE.fullmatch((self.derive or "").strip())
+        return (match[1], match[2]) if match else None
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The fields that are read from its topic; none where it is made of other channels."""
+        if self.angle_of:
+            return tuple(f"{self.angle_of[1]}.{part}" for part in "xyzw")
+        return () if self.field is None else (self.field,)
+
+    @property
     def sources(self) -> tuple[str, ...]:
         """The channels that this one is derived from."""
         return self.mean_of or ((self.derivative_of,) if self.derivative_of else ())
@@ -106,9 +120,14 @@ class Channel(BaseModel):
     def _field_or_derived(self) -> Self:
         if (self.field is None) == (self.derive is None):
             raise ValueError("give either 'field' (with 'topic') or 'derive'")
+        if self.angle_of:
+            if self.unit is not None or self.scale != 1.0 or self.offset:
+                raise ValueError("an angle of a quaternion takes no 'unit', 'scale' or 'offset'")
+            return self
         if self.derive is not None and not self.sources:
             raise ValueError(
-                f'cannot derive \'{self.derive}\'; use "d/dt NAME" or "mean(NAME, NAME)"'
+                f'cannot derive \'{self.derive}\'; use "d/dt NAME", "mean(NAME, NAME)", '
+                'or "pitch(FIELD)" and "roll(FIELD)" of a quaternion'
             )
         if self.derive is not None and (self.topic is not None or self.unit is not None):
             raise ValueError("a derived channel takes no 'topic' and no 'unit'")
@@ -133,6 +152,8 @@ class Machine(BaseModel):
         for name, channel in self.channels.items():
             if name not in known:
                 raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
+            if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
+                raise ValueError(f"channels.{name}: '{channel.derive}' is no {name}")
             for source in channel.sources:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")

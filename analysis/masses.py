@@ -1,4 +1,4 @@
-"""The answer: the mass over the whole log by each method, unless the verdict forbids it."""
+"""The answer: mass and inertia over the whole log by each method, unless the verdict forbids it."""
 
 from collections.abc import Mapping
 
@@ -8,9 +8,18 @@ from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
-from analysis.regressor import straight, theta_columns, theta_of
+from analysis.regressor import (
+    Axis,
+    X,
+    axes,
+    pooled_options,
+    regressor,
+    rows_of,
+    theta_columns,
+    theta_of,
+)
 from analysis.schema import build, values
-from analysis.settings import RECURSIVE
+from analysis.settings import RECURSIVE, Settings
 from estimators import pooled
 from estimators.window_mean import mean_estimate
 
@@ -24,6 +33,7 @@ def masses(
     machine: Machine,
     *,
     weighs: bool,
+    inertia: bool = False,
 ) -> pl.DataFrame:
     """Summarise the log, a row a method.
 
@@ -31,41 +41,63 @@ def masses(
     state, `pooled` one fit over every accepted sample.
 
     Args:
-        excitation: the regressor.
+        excitation: the regressors.
         gated: which windows are accepted.
         estimates: `estimates` frames by method.
         machine: settings and empty mass.
-        weighs: the verdict; without it every number is withheld.
+        weighs: the verdict on the mass; without it every number of the x axis is withheld.
+        inertia: the verdict on the inertia, likewise for the z axis.
     """
-    settings = machine.settings
-    A, f = straight(excitation, settings)
+    columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
+    for axis in axes(excitation):
+        told = weighs if axis is X else inertia
+        rows = {method: rows_of(axis, frame) for method, frame in estimates.items()}
+        shown = rows if told else {method: frame.clear() for method, frame in rows.items()}
+        columns |= theta_columns(axis, *_totals(axis, excitation, gated, shown, machine.settings))
+        suffix = "" if axis is X else "_z"
+        columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
+        columns[f"withheld{suffix}"] = pl.Series([not told] * len(rows))
+    empty_kg = machine.machine.empty_mass_kg
+    table = build("masses", columns)
+    payload = values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
+    return build("masses", {**table.to_dict(), "payload_kg": payload})
+
+
+def pooled_over_log(
+    axis: Axis, excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+) -> tuple[Floats, Floats]:
+    """Parameters (p,) and deviations (p,) of one fit over every accepted sample of an axis."""
+    A, f = regressor(axis, excitation, settings)
+    used = accepted_samples(excitation, gated, settings, axis)
+    if not used.any():
+        return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
+    whole = pooled.trace(A, f, np.where(used, 0, -1), pooled_options(axis, settings))
+    return whole.theta[0], whole.std[0]
+
+
+def _totals(
+    axis: Axis,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    estimates: Mapping[str, pl.DataFrame],
+    settings: Settings,
+) -> tuple[Floats, Floats]:
+    """Parameters (methods, p) and deviations (methods, p), NaN where there is no estimate."""
+    A, f = regressor(axis, excitation, settings)
     t_ns = excitation["t_ns"].to_numpy()
     theta = np.full((len(estimates), A.shape[1]), np.nan)
     std = theta.copy()
     for row, (method, frame) in enumerate(estimates.items()):
-        if not weighs or frame.is_empty():
+        if frame.is_empty():
             continue
         if method == "pooled":
-            used = accepted_samples(excitation, gated, settings)
-            whole = pooled.trace(A, f, np.where(used, 0, -1))
-            theta[row], std[row] = whole.theta[0], whole.std[0]
+            theta[row], std[row] = pooled_over_log(axis, excitation, gated, settings)
         elif method in RECURSIVE:
-            traced, traced_std = theta_of(frame)
+            traced, traced_std = theta_of(axis, frame)
             theta[row], std[row] = traced[-1], traced_std[-1]
         else:
             index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
             theta[row], std[row] = mean_estimate(
-                A, f, settings.window_samples, index, *theta_of(frame)
+                A, f, settings.window_samples, index, *theta_of(axis, frame)
             )
-    empty_kg = machine.machine.empty_mass_kg
-    table = build(
-        "masses",
-        {
-            "method": pl.Series(list(estimates), dtype=pl.String),
-            **theta_columns(theta, std),
-            "rows": np.array([frame.height for frame in estimates.values()]),
-            "withheld": np.full(len(estimates), not weighs),
-        },
-    )
-    payload = values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
-    return build("masses", {**table.to_dict(), "payload_kg": payload})
+    return theta, std

@@ -5,10 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis import filters
 from analysis.machine import ImuMounting
+from analysis.settings import Settings
 from estimators.errors import DataError
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Series = tuple[Ints, Floats]
 
 _SPECIFIC_FORCE = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
 _RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
@@ -23,29 +27,68 @@ def rotation(imu: ImuMounting) -> Floats:
     return Rz @ Ry @ Rx
 
 
-def to_machine_axes(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
-    """Rotate the accelerometer and the gyroscope, and move the accelerometer to the origin.
+def is_rotated(imu: ImuMounting) -> bool:
+    """Whether the IMU's axes are not the machine's; less than 1e-12 rad counts as none."""
+    return not np.allclose(rotation(imu), np.eye(3), rtol=0.0, atol=1e-12)
 
-    The lever arm's share in the plane is taken off: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z x,
-    as far as the yaw rate and acceleration are known.
+
+def inclination(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
+    """`pitch` and `roll` of the machine, each (n,) in rad, from its IMU's orientation (4, n).
+
+    The quaternion (x, y, z, w) turns IMU axes into the world's: x forward, y left, z up (REP-103).
+    Pitch is positive nose-up here. NaN where the quaternion is zero: an IMU that has none.
+    """
+    with np.errstate(invalid="ignore"):
+        x, y, z, w = quaternion / np.linalg.norm(quaternion, axis=0)
+    # the world's vertical in IMU axes, then in those of the machine
+    up = np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x**2 + y**2)], -1)
+    up_x, up_y, up_z = (up @ rotation(imu).T).T
+    return {"pitch": np.arcsin(np.clip(up_x, -1.0, 1.0)), "roll": np.arctan2(up_y, up_z)}
+
+
+def to_machine_axes(
+    series: Mapping[str, Series], imu: ImuMounting, settings: Settings
+) -> dict[str, Series]:
+    """Rotate the accelerometer and the gyroscope, each at its own rate, before any derivative.
+
+    Args:
+        series: by channel: stamps (n,) and samples (n,), in IMU axes.
+        imu: how it sits.
+        settings: how old an axis may be that has other stamps than the first.
 
     Raises:
         DataError: a rotated sensor of which only some axes are given.
     """
-    out = dict(columns)
+    out = dict(series)
+    if not is_rotated(imu):
+        return out
     R = rotation(imu)
-    if not np.allclose(R, np.eye(3), rtol=0.0, atol=1e-12):
-        for triple in (_SPECIFIC_FORCE, _RATES):
-            given = [name for name in triple if name in out]
-            if not given:
-                continue
-            if len(given) < len(triple):
-                missing = ", ".join(f"channels.{n}" for n in triple if n not in out)
-                raise DataError(
-                    f"machine.imu is rotated, so all three axes are needed: add {missing}"
-                )
-            turned = R @ np.stack([out[name] for name in triple])
-            out.update(zip(triple, turned, strict=True))
+    for triple in (_SPECIFIC_FORCE, _RATES):
+        given = [name for name in triple if name in series]
+        if not given:
+            continue
+        if len(given) < len(triple):
+            missing = ", ".join(f"channels.{n}" for n in triple if n not in series)
+            raise DataError(f"machine.imu is rotated, so all three axes are needed: add {missing}")
+        t = series[triple[0]][0]
+        for name in triple:
+            t = _at(series[name], t, settings)[0]
+        seen = np.stack([_at(series[name], t, settings)[1] for name in triple])
+        out.update((name, (t, turned)) for name, turned in zip(triple, R @ seen, strict=True))
+    return out
+
+
+def _at(series: Series, t: Ints, settings: Settings) -> Series:
+    return filters.held(*series, t, filters.longest_step_ns(series[0], settings))
+
+
+def at_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:
+    """Move the accelerometer from where it sits to the origin, in machine axes.
+
+    The lever arm's share in the plane is taken off: a_x + ω_z² x + ω̇_z y and a_y + ω_z² y - ω̇_z x,
+    as far as the yaw rate and acceleration are known.
+    """
+    out = dict(columns)
     x, y, _ = imu.position_m
     if (x or y) and _SPECIFIC_FORCE[0] in out and _RATES[2] in out:
         square = out[_RATES[2]] ** 2

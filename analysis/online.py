@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.moment import Moment, Watch, start_watch, watch
+from analysis.regressor import X
 from analysis.settings import Settings
 from analysis.trace import options_of
 from estimators import online
@@ -143,7 +144,7 @@ def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
     settings, window = state.settings, state.window
     newest = min(row - state.accepted_row, settings.window_samples)
     mean = settings.smooth_samples
-    options = options_of(settings)
+    options = options_of(X, settings)
     estimates: dict[str, Standing] = {}
     pasts = dict(state.pasts)
     for method in settings.methods:
@@ -212,5 +213,10 @@ def _standing(state: State) -> Mapping[str, Standing]:
     if state.pool.samples == 0:
         return {}
     return {
-        "pooled": Standing(state.pooled_row, state.pool.estimate(state.settings.smooth_samples))
+        "pooled": Standing(
+            state.pooled_row,
+            state.pool.estimate(
+                state.settings.smooth_samples, options_of(X, state.settings).pooled
+            ),
+        )
     }

@@ -12,6 +12,7 @@ from analysis.settings import Settings
 from analysis.smooth import trailing_mean
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 def speed_rate(speed: Floats, settings: Settings) -> Floats:
@@ -36,6 +37,26 @@ def span_rows(settings: Settings) -> int:
     return max(1, round(settings.speed_rate_span_s * settings.rate_hz))
 
 
+def pace(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floats:
+    """1 where v² grows, -1 where it falls, 0 where it is steady, (rows,); v may be a yaw rate.
+
+    v·dv/dt over the span is the change of v²/2: at a stop the sign of v alone would be noise.
+    Rates up to `steady` count as none.
+    """
+    changing = np.abs(rate) > steady
+    return np.where(changing, np.sign(_mean_over_span(speed, rate, settings) * rate), 0.0)
+
+
+def yaw_pace(yaw_rate: Floats, settings: Settings) -> Floats:
+    """Whether the turn speeds up (1), slows down (-1) or keeps its rate (0), (rows,)."""
+    rate = speed_rate(yaw_rate, settings)
+    return pace(yaw_rate, rate, settings.steady_yaw_acc_rad_s2, settings)
+
+
+def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
+    return speed - rate * span_rows(settings) / settings.rate_hz / 2.0
+
+
 def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
     """Classify every row; null where speed or its rate is not known.
 
@@ -52,11 +73,11 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
         (rows,) of the enum of phases.
     """
     yaw_rate = np.nan_to_num(values(smoothed, "yaw_rate_rad_s"))
-    yaw_acc = values(smoothed, "yaw_acc_rad_s2")
+    # a derivative of the gyroscope is too noisy by itself to tell a steady arc
+    yaw_acc = beside_speed_rate(values(smoothed, "yaw_acc_rad_s2"), settings)
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = speed_rate(yaw_rate, settings)
-    # v·dv/dt over the span is the change of v²/2: at a stop the sign of v alone would be noise
-    mean_speed = speed - rate * span_rows(settings) / settings.rate_hz / 2.0
+    mean_speed = _mean_over_span(speed, rate, settings)
     turning = np.abs(yaw_rate) > settings.turning_rate_rad_s
     slow = np.abs(speed) < settings.standstill_speed_m_s
     steady = np.abs(rate) <= settings.steady_acc_m_s2

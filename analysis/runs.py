@@ -1,4 +1,4 @@
-"""What each run of a campaign says by each method, for the calibration (19)."""
+"""What each run of a campaign says by each method for the calibration (19)."""
 
 import polars as pl
 

@@ -29,6 +29,7 @@ REASONS: Final = (
     "slip",
     "ill_conditioned",
 )
+AXES: Final = ("x", "z")
 PHASE: Final = pl.Enum(PHASES)
 REASON: Final = pl.Enum(REASONS)
 
@@ -116,8 +117,15 @@ _THETA = (
     _f("coulomb_x_N", "N", "estimated Coulomb friction, where the setting asks for it"),
     _f("coulomb_x_std_N", "N", "its standard deviation"),
 )
+_SPIN = (
+    _f("inertia_z_kg_m2", "kg·m²", "estimated inertia about the vertical through the origin"),
+    _f("inertia_z_std_kg_m2", "kg·m²", "its standard deviation"),
+    _f("friction_z_N_m_s", "N·m·s", "estimated viscous friction of turning"),
+    _f("friction_z_std_N_m_s", "N·m·s", "its standard deviation"),
+)
 _FIT = (
     _f("residual_rms_N", "N", "r.m.s. of the force residuals"),
+    _f("residual_rms_N_m", "N·m", "r.m.s. of the yaw torque residuals"),
     _f("condition_1", "1", "condition number of the regressor, columns scaled to unit norm"),
 )
 
@@ -147,6 +155,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("force_x_N", "N", "longitudinal force of all driven wheels, smoothed"),
                 _f("torque_z_N_m", "N·m", "yaw torque (18), smoothed"),
                 _f("regressor_acc_x_m_s2", "m/s²", "what multiplies the mass in (7): with gravity"),
+                _f("regressor_acc_y_m_s2", "m/s²", "specific force of the origin to the left"),
                 _f("speed_x_m_s", "m/s", "longitudinal speed, smoothed"),
                 _DIRECTION,
                 _f("speed_rate_x_m_s2", "m/s²", "rate of the longitudinal speed, for the phases"),
@@ -165,9 +174,25 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("predicted_std_x", "kg", "predicted standard deviation of the mass"),
                 Column("accepted_x", pl.Boolean, "1", "whether the window is used"),
                 Column("reason_x", REASON, "1", "why, or why not"),
+                _f("corr_z_1", "1", "correlation of yaw acceleration and torque over the window"),
+                _f("mi_z_nat", "nat", "information index (11) of the window, yaw"),
+                _f("ksg_z_nat", "nat", "the same by nearest neighbours, yaw (gate = ksg)"),
+                _f("predicted_std_z", "kg·m²", "predicted standard deviation of the inertia"),
+                Column("accepted_z", pl.Boolean, "1", "whether the window is used for spins"),
+                Column("reason_z", REASON, "1", "why, or why not"),
             ),
         ),
-        Frame("estimates", "accepted windows only, a row a window", (_T, *_THETA, *_FIT)),
+        Frame(
+            "estimates",
+            "accepted windows only, a row a window of one axis",
+            (
+                _T,
+                Column("axis", pl.Enum(AXES), "1", "x: straight motion (7); z: spins (8)"),
+                *_THETA,
+                *_SPIN,
+                *_FIT,
+            ),
+        ),
         Frame(
             "segments",
             "a row a manoeuvre, pooled over its accepted samples",
@@ -179,8 +204,40 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("samples", pl.Int64, "1", "samples in it"),
                 Column("samples_accepted", pl.Int64, "1", "samples in an accepted window"),
                 *_THETA,
+                *_SPIN,
                 *_FIT,
                 Column("reason", REASON, "1", "accepted, or why it has no mass"),
+            ),
+        ),
+        Frame(
+            "planar",
+            "a row an arc or joint fit: the centre of mass, and what the motion determines",
+            (
+                Column("kind", pl.String, "1", "arc, arcs (all of them together) or joint"),
+                Column("start_t_ns", pl.Int64, "ns", "its first sample"),
+                Column("end_t_ns", pl.Int64, "ns", "its last sample"),
+                Column("samples", pl.Int64, "1", "samples in it"),
+                _f("speed_x_m_s", "m/s", "mean longitudinal speed"),
+                _f("yaw_rate_rad_s", "rad/s", "mean yaw rate"),
+                _f("com_x_m", "m", "centre of mass ahead of the origin"),
+                _f("com_x_std_m", "m", "its standard deviation"),
+                _f("com_y_m", "m", "centre of mass to the left of the origin"),
+                _f("com_y_std_m", "m", "its standard deviation"),
+                _f("predicted_std_com_m", "m", "predicted standard deviation of com_x_m"),
+                *_THETA[:4],
+                *_SPIN,
+                _f("first_moment_x_kg_m", "kg·m", "mass times centre of mass, ahead"),
+                _f("first_moment_x_std_kg_m", "kg·m", "its standard deviation"),
+                _f("first_moment_y_kg_m", "kg·m", "mass times centre of mass, to the left"),
+                _f("first_moment_y_std_kg_m", "kg·m", "its standard deviation"),
+                *_FIT,
+                _f("r_squared_x_1", "1", "share of the force's variance explained"),
+                _f("r_squared_z_1", "1", "share of the yaw torque's variance explained"),
+                Column("rank", pl.Int64, "1", "how many numbers the motion determines"),
+                Column("identifiable", pl.String, "1", "the parameters it determines"),
+                Column("combinations", pl.String, "1", "what it determines of the others"),
+                Column("withheld", pl.Boolean, "1", "true when a verdict forbids the numbers"),
+                Column("reason", REASON, "1", "accepted, or why it has no number"),
             ),
         ),
         Frame(
@@ -190,8 +247,11 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("method", pl.String, "1", "estimator"),
                 *_THETA,
                 _f("payload_kg", "kg", "mass less the machine's empty mass"),
+                *_SPIN,
                 Column("rows", pl.Int64, "1", "estimates it summarises"),
-                Column("withheld", pl.Boolean, "1", "true when the verdict forbids the number"),
+                Column("rows_z", pl.Int64, "1", "estimates of spins that it summarises"),
+                Column("withheld", pl.Boolean, "1", "true when the verdict forbids the mass"),
+                Column("withheld_z", pl.Boolean, "1", "true when it forbids the inertia"),
             ),
         ),
         Frame(
@@ -199,6 +259,7 @@ FRAMES: Final[dict[str, Frame]] = {
             "a row a check of the ungated log: can this log weigh the machine",
             (
                 Column("check", pl.String, "1", "name of the check"),
+                Column("about", pl.String, "1", "what it may forbid: mass or inertia"),
                 _f("value", "1", "its number (null when it does not apply)"),
                 _f("minimum", "1", "smallest number that passes"),
                 _f("maximum", "1", "largest number that passes"),

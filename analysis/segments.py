@@ -5,7 +5,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
-from analysis.regressor import straight, trace_columns
+from analysis.regressor import Axis, X, Z, axes, pooled_options, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
 from estimators import pooled
@@ -37,9 +37,11 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
 
-def pooled_samples(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> Ints:
+def pooled_samples(
+    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
+) -> Ints:
     """The manoeuvre that each sample is pooled into, (rows,), -1 for those that are not."""
-    used = accepted_samples(excitation, gated, settings)
+    used = accepted_samples(excitation, gated, settings, axis)
     return np.where(used, manoeuvres(excitation, settings), -1)
 
 
@@ -51,25 +53,42 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         gated: which windows are accepted.
         settings: window, what is refused.
     """
-    refused_for = {**dict.fromkeys(_TURNS, "turning"), "standstill": "standstill"}
+    turns = _TURNS if Z not in axes(excitation) else ("arc", "turning")
+    refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.exclude_braking:
         refused_for["braking"] = "braking"
     segment_id = manoeuvres(excitation, settings)
-    pooled_ids = pooled_samples(excitation, gated, settings)
-    traced = pooled.trace(*straight(excitation, settings), pooled_ids)
-    estimates = pl.DataFrame(
-        {"segment_id": pooled_ids[traced.index], **trace_columns(traced)},
-        schema_overrides={"segment_id": pl.Int64},
-    )
+    used = np.zeros(segment_id.size, np.bool_)
+    parts: list[pl.DataFrame] = []
+    for axis in axes(excitation):
+        pooled_ids = pooled_samples(excitation, gated, settings, axis)
+        used |= pooled_ids >= 0
+        A, f = regressor(axis, excitation, settings)
+        traced = pooled.trace(A, f, pooled_ids, pooled_options(axis, settings))
+        parts.append(
+            pl.DataFrame(
+                {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},
+                schema_overrides={"segment_id": pl.Int64},
+            )
+        )
+    # no manoeuvre is pooled on two axes: x takes none that turns, z none that does not
+    estimates = pl.concat(parts, how="diagonal")
+    spinning = pl.col("phase") == "spinning"
     table = (
         pl.DataFrame(
             {
                 "segment_id": segment_id,
                 "t_ns": excitation["t_ns"],
                 "phase": excitation["phase"].cast(pl.String),
-                "used": pooled_ids >= 0,
+                "used": used,
                 "reason": gated["reason_x"].cast(pl.String),
             }
+        )
+        .with_columns(
+            # a spin is judged on the yaw axis where there is one
+            pl.when(spinning).then(gated["reason_z"].cast(pl.String)).otherwise("reason")
+            if Z in axes(excitation)
+            else "reason"
         )
         .filter(pl.col("segment_id") >= 0)
         .group_by("segment_id", maintain_order=True)

@@ -32,6 +32,9 @@ class VerdictLimits(BaseModel):
         0.5, description="least slope of accelerometer on wheel acceleration"
     )
     acceleration_gain_max: float = Field(2.0, gt=0, description="largest such slope")
+    spin_centre_max_m: float = Field(
+        0.1, gt=0, description="farthest that spins may turn about from the origin"
+    )
     accepted_stretches_min: int = Field(1, ge=0, description="fewest disjoint accepted stretches")
     empty_mass_ratio_min: float = Field(
         0.25, ge=0, description="least ungated mass over empty mass"
@@ -58,11 +61,19 @@ class Settings(BaseModel):
     threshold_std_kg: float = Field(
         30.0, gt=0, description="gate = variance: largest predicted deviation of the mass"
     )
+    threshold_std_kg_m2: float = Field(
+        30.0, gt=0, description="gate = variance: largest predicted deviation of the inertia"
+    )
+    threshold_std_com_m: float = Field(
+        0.05, gt=0, description="largest predicted deviation of an arc's centre of mass"
+    )
     ksg_neighbours: int = Field(4, ge=1, le=50, description="gate = ksg: neighbours k")
     acceleration: Literal["specific_force", "kinematic"] = Field(
         "specific_force", description="which acceleration multiplies the mass"
     )
-    exclude_braking: bool = Field(True, description="refuse windows that contain a braking sample")
+    exclude_braking: bool = Field(
+        True, description="refuse windows that contain a braking sample, of travel or of a spin"
+    )
     coulomb: bool = Field(False, description="estimate a Coulomb friction term as well")
     methods: tuple[Method, ...] = Field(
         ("ls", "rls", "fgls", "tls", "pooled"),
@@ -85,6 +96,11 @@ class Settings(BaseModel):
     tls_noise_force_N: float = Field(60.0, gt=0, description="noise of the force, before the mean")
     tls_noise_acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")
     tls_noise_speed_m_s: float = Field(0.005, gt=0, description="noise of the speed")
+    tls_noise_torque_z_N_m: float = Field(
+        45.0, gt=0, description="noise of the yaw torque, before the mean"
+    )
+    tls_noise_yaw_acc_rad_s2: float = Field(0.02, gt=0, description="noise of the yaw acceleration")
+    tls_noise_yaw_rate_rad_s: float = Field(0.001, gt=0, description="noise of the yaw rate")
     derivative_cutoff_hz: float = Field(
         20.0, gt=0, description="low-pass of every regressor channel where one is derived by d/dt"
     )
@@ -96,6 +112,9 @@ class Settings(BaseModel):
     turning_rate_rad_s: float = Field(0.05, gt=0, description="faster yaw rates are turning")
     steady_yaw_acc_rad_s2: float = Field(0.05, gt=0, description="smaller ones are steady arcs")
     saturation_force_N: float | None = Field(None, gt=0, description="force where a sensor clips")
+    saturation_torque_z_N_m: float | None = Field(
+        None, gt=0, description="yaw torque where a sensor clips"
+    )
     slip_acc_m_s2: float | None = Field(
         None,
         gt=0,

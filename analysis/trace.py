@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import polars as pl
 
-from analysis.regressor import straight, trace_columns
+from analysis.regressor import Axis, X, axes, pooled_options, regressor, trace_columns
 from analysis.schema import build
 from analysis.segments import pooled_samples
 from analysis.settings import Settings
 from estimators import fgls, huber, ls, pooled, rls, rtls, tls
-from estimators.trace import Trace
+from estimators.trace import Ints, Trace
 
 
 class Options(NamedTuple):
@@ -20,21 +20,19 @@ class Options(NamedTuple):
     tls: tls.TlsOptions
     rtls: rtls.RtlsOptions
     huber: huber.HuberOptions
+    pooled: pooled.PooledOptions
 
 
-def options_of(settings: Settings) -> Options:
-    """What the settings ask of each method."""
-    # Coulomb's sign is nearly exact
-    noise = tls.TlsOptions(
-        (settings.tls_noise_acc_m_s2, settings.tls_noise_speed_m_s, 1e-3),
-        settings.tls_noise_force_N,
-    )
+def options_of(axis: Axis, settings: Settings) -> Options:
+    """What the settings ask of each method on an axis."""
+    noise = tls_noise(axis, settings)
     return Options(
         rls.RlsOptions(settings.forgetting, settings.directional_forgetting),
         fgls.FglsOptions(settings.fgls_floor),
         noise,
         rtls.RtlsOptions(noise, settings.forgetting),
         huber.HuberOptions(settings.huber_bend),
+        pooled_options(axis, settings),
     )
 
 
@@ -51,10 +49,22 @@ def trace(
     Returns:
         By method: its `estimates` frame, accepted rows only; `pooled` has a row a manoeuvre.
     """
-    A, f = straight(excitation, settings)
+    axes_traced = {axis: _traces(axis, excitation, gated, settings) for axis in axes(excitation)}
+    t_ns = excitation["t_ns"].to_numpy()
+    return {
+        method: _frame({axis: traces[method] for axis, traces in axes_traced.items()}, t_ns)
+        for method in settings.methods
+    }
+
+
+def _traces(
+    axis: Axis, excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+) -> dict[str, Trace]:
+    """Every method over one axis."""
+    A, f = regressor(axis, excitation, settings)
     window = settings.window_samples
-    accepted = gated["accepted_x"].to_numpy()
-    options = options_of(settings)
+    accepted = gated[f"accepted_{axis.letter}"].to_numpy()
+    options = options_of(axis, settings)
     traces: dict[str, Trace] = {}
     for method in settings.methods:
         match method:
@@ -71,10 +81,33 @@ def trace(
             case "huber":
                 traced = huber.trace(A, f, window, accepted, options.huber)
             case "pooled":
-                traced = pooled.trace(A, f, pooled_samples(excitation, gated, settings))
+                ids = pooled_samples(excitation, gated, settings, axis)
+                traced = pooled.trace(A, f, ids, options.pooled)
         traces[method] = traced
-    t_ns = excitation["t_ns"].to_numpy()
-    return {
-        method: build("estimates", {"t_ns": t_ns[traced.index], **trace_columns(traced)})
-        for method, traced in traces.items()
-    }
+    return traces
+
+
+def _frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:
+    """One method's `estimates`: rows of all axes in order of time, each of one axis alone."""
+    parts = [
+        pl.DataFrame({"t_ns": t_ns[rows.index], **trace_columns(axis, rows)}).with_columns(
+            **({"axis": pl.lit(axis.letter, pl.String)} if len(traced) > 1 else {})
+        )
+        for axis, rows in traced.items()
+    ]
+    frame = pl.concat(parts, how="diagonal").sort("t_ns", maintain_order=True)
+    return build("estimates", frame.to_dict())
+
+
+def tls_noise(axis: Axis, settings: Settings) -> tls.TlsOptions:
+    """What the settings say of the noise of an axis' columns."""
+    if axis is X:
+        # Coulomb's sign is nearly exact
+        return tls.TlsOptions(
+            (settings.tls_noise_acc_m_s2, settings.tls_noise_speed_m_s, 1e-3),
+            settings.tls_noise_force_N,
+        )
+    return tls.TlsOptions(
+        (settings.tls_noise_yaw_acc_rad_s2, settings.tls_noise_yaw_rate_rad_s),
+        settings.tls_noise_torque_z_N_m,
+    )

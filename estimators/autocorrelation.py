@@ -7,10 +7,14 @@ too small. One window is too short to tell its residuals' correlation; the log i
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.fit_loss import fit_loss
+from estimators.student import student_factor
 from estimators.trace import Floats, Ints
 
 #: More lags are never looked at: a manoeuvre may be a whole shift.
 MOST_LAGS = 256
+#: Of putting back what the fits took out; each adds what the one before still missed.
+_ROUNDS = 10
 
 
 @compiled
@@ -33,18 +37,19 @@ def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]
     return sums, pairs
 
 
-def pooled_autocorrelation(residual: Floats, group: Ints, parameters: int) -> tuple[Floats, float]:
+def pooled_autocorrelation(residual: Floats, group: Ints, A: Floats | None) -> tuple[Floats, float]:
     """Estimate the residuals' autocorrelation over all groups, and their variance.
 
-    Each group (a window, a manoeuvre) has had its own `parameters` fitted, which takes about
-    p·ω/n from every lag (ω the long-run variance); that is put back. The lags kept are chosen by
-    the flat-top rule of Politis (2003): twice the lag after which the correlation stays within
-    its noise, weight 1 on the first half and falling to 0 over the second.
+    What each group's own fit has taken out of the autocovariances is put back (`fit_loss`). The
+    lags kept are chosen by the flat-top rule of Politis (2003): twice the lag after which the
+    correlation stays within its noise, weight 1 on the first half and falling to 0 over the
+    second. A few residuals tell their long-run variance with few degrees of freedom, n over the
+    sum of the squared weights: it is raised by (t/1.96)², so that 1.96 deviations are 95 %.
 
     Args:
         residual: (n,) residuals; where group < 0 they are not looked at.
         group: (n,) the fit that each residual comes from, negative for none.
-        parameters: parameters fitted in each group.
+        A: (n, p) regressor that was fitted to each group, None where nothing was.
 
     Returns:
         (lags,) autocorrelation with its taper applied, 1 first; and the variance at lag 0.
@@ -52,32 +57,55 @@ def pooled_autocorrelation(residual: Floats, group: Ints, parameters: int) -> tu
     used = group >= 0
     n = int(used.sum())
     groups = np.unique(group[used]).size
-    if n <= groups * parameters:
+    if n <= groups * (0 if A is None else A.shape[1]):
         return np.ones(1), float("nan")
     # no more lags than a quarter of a typical fit can tell
     limit = min(max(1, n // groups // 4), MOST_LAGS)
     sums, pairs = _lag_sums(residual, group, limit)
-    covariance = sums / np.maximum(pairs, 1.0)
-    if covariance[0] <= 0.0:
+    found = sums / np.maximum(pairs, 1.0)
+    if found[0] <= 0.0:
         return np.ones(1), 0.0
-    band = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
+    loss = np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
+    noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
-    quiet = np.abs(covariance / covariance[0]) < band
-    kept = limit
-    for lag in range(1, limit):
-        if quiet[lag : lag + run].all():
-            kept = lag
-            break
-    width = min(2 * kept, limit)
-    taper = np.clip(2.0 * (1.0 - np.arange(width) / width), 0.0, 1.0)
-    tapered = taper * covariance[:width]
-    # E[c_j] ≈ r_j - pω/n per group, with ω itself made of the r_j: solve for ω
-    share = parameters * groups / n
-    long_run = tapered[0] + 2.0 * tapered[1:].sum()
-    weight = taper[0] + 2.0 * taper[1:].sum()
-    long_run = max(long_run, 0.0) / max(1.0 - share * weight, 0.25)
-    corrected = taper * (covariance[:width] + share * long_run)
+    # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one
+    kept = _quiet_from(found, noise, 1)
+    kept = _quiet_from(_restored(found, loss, _flat_top(kept, limit)), noise, run)
+    taper = _flat_top(kept, limit)
+    restored = _restored(found, loss, taper)
+    both_sides = np.where(np.arange(limit) > 0, 2.0, 1.0) * taper
+    long_run = max(float(both_sides @ restored), 0.0)
+    growth = max(long_run / max(float(both_sides @ found), 1e-3 * found[0]), 1.0)
+    freedom = n / float(both_sides @ taper) / growth**2
+    allowed = (student_factor(freedom) ** 2 - 1.0) * long_run / both_sides.sum()
+    corrected = (taper * (restored + allowed))[taper > 0.0]
     return corrected / corrected[0], float(corrected[0])
+
+
+def _flat_top(kept: int, limit: int) -> Floats:
+    """Weights (limit,) of the lags: 1 up to `kept`, falling to 0 at twice as many."""
+    width = min(2 * kept, limit)
+    return np.clip(2.0 * (1.0 - np.arange(limit) / width), 0.0, 1.0)
+
+
+def _quiet_from(covariance: Floats, noise: float, run: int) -> int:
+    """The first lag from which on `run` lags, or all that are left, stay within the noise."""
+    quiet = np.abs(covariance / covariance[0]) < noise
+    for lag in range(1, quiet.size):
+        if quiet[lag : lag + run].all():
+            return lag
+    return quiet.size
+
+
+def _restored(found: Floats, loss: Floats, taper: Floats) -> Floats:
+    """The autocovariances (lags,) with what the fits took out of them.
+
+    By substitution: where a fit leaves little, a solution would put back anything.
+    """
+    restored = found
+    for _ in range(_ROUNDS):
+        restored = found + loss @ (taper * restored)
+    return restored
 
 
 def window_residuals(

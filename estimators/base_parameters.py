@@ -15,6 +15,7 @@ from estimators.errors import DataError, nearest
 from estimators.identifiability import Identifiability, identify
 from estimators.linear import inverse_spd, lstsq
 from estimators.sandwich import deviations, meat
+from estimators.student import widening
 from estimators.trace import Floats, Ints
 
 #: Axes are weighted by their residuals, which rounding alone must not decide.
@@ -174,9 +175,11 @@ def _covariance(A: Floats, residual: Floats, segment_id: Ints) -> Floats:
     # samples left out keep their place, so that a lag stays a lag across them
     series = np.where(used, segment_id * k + np.arange(k)[:, None], -1)
     labels = np.unique(segment_id[used])
-    # θ is fitted to all series together, so that each has lost its share of the r
-    share = -(-r // (k * labels.size))
-    correlation, _ = pooled_autocorrelation(residual.T.reshape(-1), series.reshape(-1), share)
+    # θ is fitted to all series together, so that each has lost its share of the r columns
+    share = A[:, :, : -(-r // (k * labels.size))].transpose(1, 0, 2)
+    correlation, _ = pooled_autocorrelation(
+        residual.T.reshape(-1), series.reshape(-1), share.reshape(k * used.size, -1)
+    )
     size = np.sqrt((A[used] ** 2).sum((0, 1)))
     A = A / size
     B = np.zeros((r, r))
@@ -186,7 +189,8 @@ def _covariance(A: Floats, residual: Floats, segment_id: Ints) -> Floats:
             columns = np.ascontiguousarray(A[:, axis])
             B += meat(columns, segment_id, label, first, last, correlation)
     gram = np.einsum("nki,nkj->ij", A[used], A[used])
-    std = deviations(gram, B, float((residual[used] ** 2).sum()), float(residual[used].size))
+    squares, samples = float((residual[used] ** 2).sum()), float(residual[used].size)
+    std = deviations(gram, B, squares, samples) * widening(samples, correlation)
     bread = inverse_spd(gram)
     if not np.isfinite(bread).all():
         # determined by rounding alone: no deviation can be told

@@ -230,7 +230,7 @@ def trace(
     row = owner[used]
     limit = bent.limit[row]
     residual[used] = np.clip(residual[used], -limit, limit) / bent.kept[row]
-    correlation, _ = pooled_autocorrelation(residual, owner, p)
+    correlation, _ = pooled_autocorrelation(residual, owner, A)
     std = window_deviations(A, solved.grams, bent.squares, index, window, correlation)
     rms = np.sqrt(solved.rss / window)
     return Trace(index, solved.theta, std, rms, solved.condition, correlation)

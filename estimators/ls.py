@@ -147,6 +147,6 @@ def traced(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> T
     """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
     theta, grams, rss, condition = solved
     residual, owner = window_residuals(A, f, theta, index, window)
-    correlation, _ = pooled_autocorrelation(residual, owner, A.shape[1])
+    correlation, _ = pooled_autocorrelation(residual, owner, A)
     std = window_deviations(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -22,7 +22,7 @@ from estimators.information import correlation
 from estimators.linear import at, condition_number, condition_numbers, inverse_spd, pack, unpack
 from estimators.ls import promise as ls_promise
 from estimators.normal import columns_of, gram, residual_squares, solve
-from estimators.pooled import add_sample
+from estimators.pooled import PooledOptions, add_sample, without_noise
 from estimators.recursive import feed_products, in_lanes, weights
 from estimators.rls import RlsOptions, RlsState
 from estimators.rolling import centred_terms, lanes_of, suffix_sums, uncentred
@@ -256,10 +256,11 @@ def directional_rls(
         R = unpack(state.products[:, 0], p + 1, p)
     else:
         ends = np.array([f.size - 1 - newest, f.size - 1])
-        theta, _, information, _, kept = directional.feed(
+        theta, _, P, sums = directional.feed(
             A, f, f.size, ends, options.forgetting, past.theta, past.P, (past.square, past.weight)
         )
-        past, R = RlsState(theta[-1], *kept), information[-1]
+        past = RlsState(theta[-1], P[-1], *sums)
+        R = inverse_spd(past.P)
     rms = float(np.sqrt(max(past.square, 0.0) / past.weight))
     std = rms * np.sqrt(mean * np.diagonal(inverse_spd(R)))
     return past, Estimate(past.theta, std, rms, condition_number(R))
@@ -298,13 +299,14 @@ class Pool:
         add_sample(sample[:-1].copy(), sample[-1], products)
         return Pool(products, self.samples + 1)
 
-    def estimate(self, mean: int) -> Estimate:
+    def estimate(self, mean: int, options: PooledOptions) -> Estimate:
         """Least squares of all of them."""
         products = self.products.reshape(-1, 1)
-        solved, p = solve(products), columns_of(products) - 1
-        rss = residual_squares(products, solved.theta)
+        counts = np.array([float(self.samples)])
+        theta, p = solve(without_noise(products, counts, options)).theta, columns_of(products) - 1
+        rss = residual_squares(products, theta)
         return Estimate(
-            solved.theta[:, 0],
+            theta[:, 0],
             _deviations(gram(products)[:, 0], p, rss, self.samples, mean),
             float(np.sqrt(rss[0] / self.samples)),
             float(condition_numbers(products, p + 1, p)[0]),

@@ -10,14 +10,24 @@ import numpy as np
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
 from estimators.linear import at, condition_numbers, unpack
-from estimators.normal import solve
+from estimators.normal import columns_of, solve
 from estimators.sandwich import deviations, meat
+from estimators.student import widening
 from estimators.trace import Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)
 class PooledOptions:
-    """Pooled least squares has nothing to choose."""
+    """What is known of the regressor's own noise.
+
+    Attributes:
+        noise_A: r.m.s. noise of each column as it is in A. Noise in a column draws its parameter
+            towards zero; with it, what n samples of noise add to AᵀA is taken off again (Fuller,
+            Measurement Error Models, 1987), and half of what that changes is counted as
+            uncertainty. None takes A as exact, which is ordinary least squares.
+    """
+
+    noise_A: tuple[float, ...] | None = None
 
 
 @compiled
@@ -50,6 +60,16 @@ def add_sample(a: Floats, f: float, products: Floats) -> None:
     products[at(p, p, p + 1)] += f * f
 
 
+def without_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
+    """Packed sums (entries, ids) of counts (ids,) samples, less what noise added to AᵀA."""
+    if options.noise_A is None:
+        return products
+    clean, q = products.copy(), columns_of(products)
+    for i in range(q - 1):
+        clean[at(i, i, q)] -= counts * options.noise_A[i] ** 2
+    return clean
+
+
 def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None) -> Trace:
     """Estimate every segment.
 
@@ -57,20 +77,22 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         A: (n, p) regressor; rows with a negative segment_id may be NaN.
         f: (n,) force.
         segment_id: (n,) the segment that each sample is pooled into, negative for none.
-        options: none to choose.
+        options: noise of the columns, where it is known.
 
     Returns:
         A row a segment, in ascending order of segment_id; `index` is its last pooled sample.
         A segment whose samples do not determine θ has NaN.
     """
-    del options
+    options = options or PooledOptions()
     p = A.shape[1]
     used = segment_id >= 0
     ids = np.unique(segment_id[used]).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
     products, first, last = _sums(A, f, segment_id, ids)
-    theta = np.ascontiguousarray(solve(products).theta.T)
+    counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
+    ordinary = solve(products).theta.T
+    theta = np.ascontiguousarray(solve(without_noise(products, counts, options)).theta.T)
     condition = condition_numbers(products, p + 1, p)
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
@@ -78,11 +100,13 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     solved = np.isfinite(theta[:, 0])
     group = np.full(f.size, -1, np.int64)
     group[used] = np.where(solved[row_of], segment_id[used], -1)
-    correlation, _ = pooled_autocorrelation(residual, group, p)
-    counts = np.bincount(row_of, minlength=ids.size).astype(float)
+    correlation, _ = pooled_autocorrelation(residual, group, A)
     rss = np.bincount(row_of, weights=residual[used] ** 2, minlength=ids.size)
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        std[row] = deviations(unpack(products[:, row], p + 1, p), B, rss[row], counts[row])
+        gram = unpack(products[:, row], p + 1, p)
+        known = deviations(gram, B, float(rss[row]), float(counts[row]))
+        std[row] = known * widening(counts[row], correlation)
+    std = np.hypot(std, (theta - ordinary) / 2.0)
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)

@@ -164,10 +164,8 @@ def discounted_meats(
 
 
 @compiled
-def feed_products(
-    A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats
-) -> tuple[Floats, Floats]:
-    """Discounted products of the columns of [A f] after each sample fed.
+def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats) -> Floats:
+    """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
 
     Args:
         A: (n, p) regressor.
@@ -175,9 +173,6 @@ def feed_products(
         fed: (fed,) the samples, ascending.
         forgetting: λ.
         past: (lanes,) packed sums before and after.
-
-    Returns:
-        (lanes, fed) the sums, and (p + 1, fed) the columns.
     """
     q = A.shape[1] + 1
     z = np.empty((q, fed.size))
@@ -188,7 +183,7 @@ def feed_products(
     terms, sums = np.zeros((past.size, fed.size)), np.empty((past.size, fed.size))
     sample_products(z, fed.size, terms)
     discount(terms, fed.size, forgetting, past, sums)
-    return sums, z
+    return sums
 
 
 @compiled

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import directional
-from estimators.autocorrelation import pooled_autocorrelation
-from estimators.linear import condition_number, condition_numbers, lstsq, pack
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.linear import condition_number, condition_numbers, factor, invert, lstsq, pack
+from estimators.ls import solve_windows
 from estimators.normal import solve
 from estimators.recursive import (
     chunks_of,
@@ -135,31 +136,30 @@ def _discounted(
     first = slice(index[0] - window + 1, index[0] + 1)
     fed, seen = fed_samples(index, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
-    residual, owner = np.zeros(f.size), np.full(f.size, -1, np.int64)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
     theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
     condition[0] = condition_number(gram)
-    residual[first], owner[first] = f[first] - A[first] @ begin.theta, 0
-    past, weight = in_lanes(pack(information(begin))), begin.weight
+    past, weight = in_lanes(pack(information(begin))), np.array([begin.weight])
     entries = (p + 1) * (p + 2) // 2
     for of_chunk, of_rows, at_rows in chunks_of(seen):
-        sums, z = feed_products(A, f, fed[of_chunk], forgetting, past)
+        sums = feed_products(A, f, fed[of_chunk], forgetting, past)
         solved = solve(sums[:entries])
-        e = z[p].copy()
-        for x, column in zip(solved.theta, z, strict=False):
-            e -= x * column
-        residual[fed[of_chunk]], owner[fed[of_chunk]] = e, 0
-        weight = weights(e.size, forgetting, float(np.atleast_1d(weight)[-1]))
+        weight = weights(sums.shape[1], forgetting, float(weight[-1]))
         theta[of_rows] = solved.theta[:, at_rows].T
         rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
         condition[of_rows] = condition_numbers(sums[:, at_rows], p + 1, p)
-    # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, owner, 0)
+    correlation, variance = _autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(begin.P))
     as_fed: Floats = np.ascontiguousarray(A[first] @ (np.linalg.pinv(gram) @ R))
     std = _deviations(A, as_fed, index, fed, seen, forgetting, R, correlation)
     return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
+
+
+def _autocorrelation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, float]:
+    """Of windows fitted by themselves: what the recursion takes out of its own is not known."""
+    least = solve_windows(A, f, window, index).theta
+    return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
 
 
 def information(state: RlsState) -> Floats:
@@ -201,12 +201,8 @@ def _along_samples(
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     sums = (begin.square, begin.weight)
-    theta, rms, R, residual, _ = directional.feed(
-        A, f, window, index, forgetting, begin.theta, begin.P, sums
-    )
-    residual[first] = f[first] - A[first] @ begin.theta
-    fed = np.isfinite(residual)
-    correlation, variance = pooled_autocorrelation(residual, np.where(fed, 0, -1), 0)
+    theta, rms, P, _ = directional.feed(A, f, window, index, forgetting, begin.theta, begin.P, sums)
+    correlation, variance = _autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
     B = meat(A[first], np.zeros(window, np.int64), 0, 0, window - 1, correlation)
@@ -221,6 +217,8 @@ def _along_samples(
     none = np.zeros((1, p))
     white = directional.deviations(A, window, index, forgetting, begin.P, bread, none, np.ones(1))
     std = np.maximum(std, white) * np.sqrt(variance)
-    R[0] = gram
-    condition = np.array([condition_number(each) for each in R])
+    upper = np.triu_indices(p)
+    R = invert(*factor(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]
+    condition = condition_numbers(R, p, p)
+    condition[0] = condition_number(gram)
     return Trace(index, theta, std, rms, condition, correlation)

@@ -120,12 +120,12 @@ def trace(
     keep(slice(0, 1), past[:entries].reshape(-1, 1), weight)
     fed, seen = fed_samples(index, window)
     for of_chunk, of_rows, at_rows in chunks_of(seen):
-        sums, _ = feed_products(A, f, fed[of_chunk], decay, past)
+        sums = feed_products(A, f, fed[of_chunk], decay, past)
         weight = weights(sums.shape[1], decay, float(weight[-1]))
         keep(of_rows, sums[:entries, at_rows], weight[at_rows])
     residual, owner = _residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
-    correlation, variance = pooled_autocorrelation(residual, owner, 0)
+    correlation, variance = pooled_autocorrelation(residual, owner, None)
     one = np.zeros(window, np.int64)
     meats, white = (
         discounted_meats(

@@ -1,7 +1,8 @@
 """Standard deviations under correlated residuals: G⁻¹ (Aᵀ R A) G⁻¹ s², R from pooled lags.
 
 The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
-for correlated residuals as well. R = I gives the textbook formula.
+for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
+widens the deviation, so that 1.96 of it are 95 % (`estimators.student`).
 """
 
 import numpy as np
@@ -18,6 +19,7 @@ from estimators.rolling import (
     suffix_sums,
     take,
 )
+from estimators.student import widening
 from estimators.threads import in_chunks
 from estimators.trace import Floats, Ints
 
@@ -65,9 +67,10 @@ def window_deviation(
     """
     one = np.zeros(residual.size, np.int64)
     if autocorrelation is None:
-        autocorrelation, _ = pooled_autocorrelation(residual, one, A.shape[1])
+        autocorrelation, _ = pooled_autocorrelation(residual, one, A)
     B = meat(A, one, 0, 0, residual.size - 1, autocorrelation)
-    return deviations(gram, B, float(residual @ residual), float(residual.size))
+    std = deviations(gram, B, float(residual @ residual), float(residual.size))
+    return std * widening(residual.size, autocorrelation)
 
 
 def window_deviations(
@@ -93,7 +96,7 @@ def window_deviations(
         out[rows] = _deviations(_breads(grams[rows]), meats, rss[rows], window).T
 
     in_chunks(work, index.size)
-    return out
+    return out * widening(window, correlation)
 
 
 def _breads(grams: Floats) -> Floats:

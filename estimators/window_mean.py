@@ -67,14 +67,15 @@ def mean_estimate(
     if not solved.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     index, theta, std = index[solved], theta[solved], std[solved]
-    grams = np.ascontiguousarray(solve_windows(A, f, window, index).grams.T)
+    least = solve_windows(A, f, window, index)
+    grams = np.ascontiguousarray(least.grams.T)
     known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
     share = known**-2.0 / (known**-2.0).sum()
     breads = invert(*factor(grams, A.shape[1], A.shape[1])) * share
     weights, inside = _weights(A, breads, index, window)
-    correlation, variance = pooled_autocorrelation(
-        *window_residuals(A, f, theta, index, window), A.shape[1]
-    )
+    # the residuals' own correlation, which a window where TLS is wild would hide
+    residual, owner = window_residuals(A, f, least.theta, index, window)
+    correlation, variance = pooled_autocorrelation(residual, owner, A)
     cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
     white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
     deviation = np.sqrt(np.maximum(np.diag(cover), np.diag(white)) * variance)

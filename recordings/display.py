@@ -20,7 +20,7 @@ _NS: Final = 10**9
 #: A log longer than this opens with decimated series, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * _NS
 _BINS: Final = 3000
-_SPARSE: Final = ("estimates", "segments")
+_SPARSE: Final = ("estimates", "segments", "planar")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,12 +101,12 @@ def display_frames(run: Run) -> dict[str, pl.DataFrame]:
     frames: dict[str, pl.DataFrame] = {}
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
         for series, name in series_of(view, run):
-            frame = run.frames[name]
+            frame = _one_at_a_time(run.frames[name])
             if view.kind is Kind.STATES:
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame == "estimates":
                 frames[_source(series, name)] = _broken(_numbers(name, frame), _period_ns(run))
-            elif series.frame == "segments":
+            elif series.frame in _SPARSE:
                 frames[_source(series, name)] = _held(_numbers(name, frame), frame["end_t_ns"])
             if view.threshold is not None and (span := span_ns(run)) is not None:
                 level = [_threshold(run, view)] * 2
@@ -189,6 +189,14 @@ def _broken(numbers: pl.DataFrame, period_ns: int) -> pl.DataFrame:
     step = pl.col("t_ns").shift(-1) - pl.col("t_ns")
     ends = numbers.filter((step > 1.5 * period_ns).fill_null(True)).select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends], how="diagonal").sort("t_ns")
+
+
+def _one_at_a_time(frame: pl.DataFrame) -> pl.DataFrame:
+    """Of planar fits the arcs, which follow each other; without an arc, the fit of all motion."""
+    if "kind" not in frame.columns:
+        return frame
+    arcs = frame.filter(pl.col("kind") == "arc")
+    return frame.tail(1) if arcs.is_empty() else arcs
 
 
 def _held(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:

@@ -102,28 +102,43 @@ _ACCELERATION = _lines(
     speed_rate_x_m_s2="speed rate, decides the phase",
 )
 _SPEED = _lines("Speed", "excitation", speed_x_m_s="speed")
+_YAW_TORQUE = _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque")
 _INDEX = _lines(
     "Information index",
     "gate",
     "threshold_nat",
     mi_x_nat="index of the window",
     ksg_x_nat="mutual information by nearest neighbours",
+    mi_z_nat="index of the window, yaw",
+    ksg_z_nat="mutual information by nearest neighbours, yaw",
 )
 _MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
 _FRICTION = _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
+_INERTIA = _band("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
+_COM = View(
+    "Centre of mass",
+    Kind.BANDS,
+    (
+        Series("planar", "com_x_m", "ahead", "com_x_std_m"),
+        Series("planar", "com_y_m", "to the left", "com_y_std_m"),
+    ),
+)
 _DECISIONS = _states(
-    "Gate and phase", ("gate", "reason_x", "gate"), ("excitation", "phase", "phase")
+    "Gate and phase",
+    ("gate", "reason_x", "gate"),
+    ("gate", "reason_z", "yaw_gate"),
+    ("excitation", "phase", "phase"),
 )
 
 TABS: Final = (
-    Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _MASS), ("answer",)),
+    Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _MASS, _INERTIA), ("answer",)),
     Tab(
         "Motion",
         (
             _FORCE,
             _ACCELERATION,
             _SPEED,
-            _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque"),
+            _YAW_TORQUE,
             _states("Phase and gaps", ("excitation", "phase", "phase"), ("aligned", "gap", "gap")),
         ),
     ),
@@ -131,9 +146,20 @@ TABS: Final = (
         "Gate",
         (
             _INDEX,
-            _lines("Correlation of acceleration and force", "gate", corr_x_1="correlation"),
+            _lines(
+                "Correlation of acceleration and force",
+                "gate",
+                corr_x_1="along",
+                corr_z_1="yaw",
+            ),
             _wild(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
+            ),
+            _wild(
+                "Predicted standard deviation of the inertia",
+                "gate",
+                "predicted_std_z",
+                "predicted",
             ),
             _DECISIONS,
         ),
@@ -150,6 +176,7 @@ TABS: Final = (
         "Residuals",
         (
             _wild("Residual r.m.s.", "estimates", "residual_rms_N"),
+            _wild("Residual r.m.s. of the yaw torque", "estimates", "residual_rms_N_m"),
             _wild("Condition number", "estimates", "condition_1"),
         ),
     ),
@@ -172,12 +199,41 @@ TABS: Final = (
                 "Coulomb friction",
             ),
             _lines("Residual r.m.s. a manoeuvre", "segments", residual_rms_N="residual"),
+            _band(
+                "Yaw inertia a manoeuvre",
+                "segments",
+                "inertia_z_kg_m2",
+                "inertia_z_std_kg_m2",
+                "yaw inertia",
+            ),
             _states(
                 "Phase and outcome",
                 ("segments", "phase", "manoeuvre_phase"),
                 ("segments", "reason", "manoeuvre_outcome"),
             ),
         ),
+    ),
+    Tab(
+        "Planar",
+        (
+            _YAW_TORQUE,
+            _lines("Yaw rate", "excitation", yaw_rate_rad_s="yaw rate"),
+            _lines("Yaw acceleration, smoothed", "excitation", yaw_acc_rad_s2="yaw acceleration"),
+            _lines(
+                "Lateral force a mass", "excitation", regressor_acc_y_m_s2="regressor, to the left"
+            ),
+            _DECISIONS,
+            _INERTIA,
+            _band(
+                "Viscous friction of turning",
+                "estimates",
+                "friction_z_N_m_s",
+                "friction_z_std_N_m_s",
+            ),
+            _COM,
+            _states("Outcome of arcs", ("planar", "reason", "arcs")),
+        ),
+        ("planar",),
     ),
     Tab(
         "Channels",
@@ -240,6 +296,8 @@ PAGE: Final = (
     _INDEX,
     _MASS,
     _FRICTION,
+    _INERTIA,
+    _COM,
 )
 #: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
 #: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
@@ -250,16 +308,28 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         "excitation": (
             "t_ns direction_x_1 speed_left_m_s speed_right_m_s "
             "specific_force_y_m_s2 specific_force_z_m_s2 "
-            "roll_rate_rad_s pitch_rate_rad_s yaw_rate_rad_s yaw_acc_rad_s2 pitch_rad roll_rad"
+            "roll_rate_rad_s pitch_rate_rad_s pitch_rad roll_rad"
         ),
-        "gate": "t_ns accepted_x",
-        "estimates": "t_ns",
-        "segments": "segment_id start_t_ns end_t_ns samples samples_accepted condition_1",
+        "gate": "t_ns accepted_x accepted_z",
+        "estimates": "t_ns axis",
+        "segments": (
+            "segment_id start_t_ns end_t_ns samples samples_accepted condition_1 "
+            "friction_z_N_m_s friction_z_std_N_m_s residual_rms_N_m"
+        ),
+        "planar": (
+            "kind start_t_ns end_t_ns samples speed_x_m_s yaw_rate_rad_s predicted_std_com_m "
+            "mass_kg mass_std_kg friction_x_N_s_m friction_x_std_N_s_m "
+            "inertia_z_kg_m2 inertia_z_std_kg_m2 friction_z_N_m_s friction_z_std_N_m_s "
+            "first_moment_x_kg_m first_moment_x_std_kg_m "
+            "first_moment_y_kg_m first_moment_y_std_kg_m residual_rms_N residual_rms_N_m "
+            "condition_1 r_squared_x_1 r_squared_z_1 rank identifiable combinations withheld"
+        ),
         "masses": (
             "method mass_kg mass_std_kg friction_x_N_s_m friction_x_std_N_s_m "
-            "coulomb_x_N coulomb_x_std_N payload_kg rows withheld"
+            "coulomb_x_N coulomb_x_std_N payload_kg inertia_z_kg_m2 inertia_z_std_kg_m2 "
+            "friction_z_N_m_s friction_z_std_N_m_s rows rows_z withheld withheld_z"
         ),
-        "verdict": "check value minimum maximum passed meaning",
+        "verdict": "check about value minimum maximum passed meaning",
         "calibration": (
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "
             "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"

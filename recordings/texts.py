@@ -1,9 +1,8 @@
 """The texts of a recording, in Markdown: the answer first, then where it came from."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
-from math import floor, isfinite, log10
 from typing import Any, Final
 from zoneinfo import ZoneInfo
 
@@ -11,7 +10,10 @@ import polars as pl
 
 from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
+from analysis.verdict import tells_inertia
 from recordings.display import span_ns
+from recordings.planar_text import planar, planar_lines, planar_rows
+from recordings.wording import number, plus_minus, table
 
 _NS: Final = 10**9
 #: Columns of the table of masses: heading, value, standard deviation.
@@ -20,6 +22,8 @@ _MASS_COLUMNS: Final = (
     ("payload (kg)", "payload_kg", "mass_std_kg"),
     ("friction (N·s/m)", "friction_x_N_s_m", "friction_x_std_N_s_m"),
     ("Coulomb friction (N)", "coulomb_x_N", "coulomb_x_std_N"),
+    ("yaw inertia (kg·m²)", "inertia_z_kg_m2", "inertia_z_std_kg_m2"),
+    ("friction of turning (N·m·s)", "friction_z_N_m_s", "friction_z_std_N_m_s"),
 )
 
 
@@ -27,6 +31,7 @@ def texts(run: Run) -> dict[str, str]:
     """Every text that this run has something to say in, by name."""
     written: dict[str, Callable[[Run], str]] = {
         "answer": answer,
+        "planar": planar,
         "calibration": calibration,
         "settings": settings,
         "provenance": provenance,
@@ -55,26 +60,6 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     return f"{utc.astimezone(zone):%Y-%m-%d %H:%M:%S} {zone.key}"
 
 
-def number(value: object) -> str:
-    """A cell of a table: five significant digits, thousands apart, a dash for nothing."""
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        large = 1e4 <= abs(value) < 1e9
-        return f"{value:,.0f}".replace(",", "\u202f") if large else f"{value:.4g}"
-    return str(value)
-
-
-def plus_minus(value: float | None, std: float | None) -> str:
-    """A value with its standard deviation to two digits, both to the same place."""
-    if value is None or std is None or not (std > 0 and isfinite(std)):
-        return number(value)
-    places = max(0, 1 - floor(log10(std)))
-    return f"{value:.{places}f} ± {std:.{places}f}"
-
-
 def headline(run: Run) -> str:
     """The answer in one sentence, without Markdown."""
     masses = run.frames.get("masses", pl.DataFrame())
@@ -98,7 +83,10 @@ def summary(run: Run) -> str:
     lines = [headline(run), f"{recording_name(about)} · {local_time(about)}", ""]
     for row in run.frames.get("masses", pl.DataFrame()).to_dicts():
         mass = f"{plus_minus(row['mass_kg'], row.get('mass_std_kg'))} kg"
-        lines.append(f"{row['method']:<8} {'withheld' if row['withheld'] else mass}")
+        inertia = plus_minus(row.get("inertia_z_kg_m2"), row.get("inertia_z_std_kg_m2"))
+        turns = "" if row.get("inertia_z_kg_m2") is None else f", yaw inertia {inertia} kg·m²"
+        lines.append(f"{row['method']:<8} {'withheld' if row['withheld'] else mass}{turns}")
+    lines += planar_lines(planar_rows(run))
     outcome = {True: "passed", False: "FAILED", None: "n/a"}
     for check in run.frames.get("verdict", pl.DataFrame()).to_dicts():
         value = f"{number(check['value'])} ({limits(check)})"
@@ -107,9 +95,11 @@ def summary(run: Run) -> str:
 
 
 def failed_checks(run: Run) -> list[dict[str, Any]]:
-    """The rows of the verdict that did not pass."""
+    """The rows of the verdict that forbid the mass."""
     verdict = run.frames.get("verdict")
-    return [] if verdict is None else verdict.filter(~pl.col("passed")).to_dicts()
+    if verdict is None:
+        return []
+    return verdict.filter(~pl.col("passed"), about="mass").to_dicts()
 
 
 def limits(check: dict[str, Any]) -> str:
@@ -139,7 +129,10 @@ def answer(run: Run) -> str:
                 for check in failed
             )
         )
-    parts += _masses(run) + _verdict(run) + _accepted(run)
+    parts += _masses(run)
+    if lines := planar_lines(planar_rows(run)):
+        parts.append("\n".join(f"- {line}" for line in lines))
+    parts += _verdict(run) + _accepted(run)
     parts += [f"- {note}" for note in about.notes]
     parts += [f"- lost: {each}" for each in about.losses]
     return "\n\n".join(parts)
@@ -197,16 +190,6 @@ def provenance(run: Run) -> str:
     )
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A Markdown table, or "none"."""
-    body = [
-        "| " + " | ".join(number(cell).replace("|", "\\|") for cell in row) + " |" for row in rows
-    ]
-    if not body:
-        return "none"
-    return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *body])
-
-
 def _body(about: Provenance) -> dict[str, Any]:
     body = about.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
@@ -243,7 +226,7 @@ def _masses(run: Run) -> list[str]:
         for row in masses.to_dicts()
     ]
     heads = ("method", *(head for head, _, _ in shown), "estimates")
-    return ["## Mass over the whole log (± one standard deviation)", table(heads, rows)]
+    return ["## Over the whole log (± one standard deviation)", table(heads, rows)]
 
 
 def _verdict(run: Run) -> list[str]:
@@ -256,7 +239,14 @@ def _verdict(run: Run) -> list[str]:
         f"({limits(check)}), {check['meaning']}"
         for check in verdict.to_dicts()
     ]
-    return ["## Can this log weigh?", "\n".join(checks)]
+    return ["## Can this log weigh?", "\n".join(checks), *_inertia_withheld(verdict)]
+
+
+def _inertia_withheld(verdict: pl.DataFrame) -> list[str]:
+    """A sentence where there are spins that tell no inertia."""
+    if tells_inertia(verdict) or verdict.filter(about="inertia").is_empty():
+        return []
+    return ["**The yaw inertia is withheld**: its spins, or the signs of the force, failed."]
 
 
 def _accepted(run: Run) -> list[str]:

@@ -12,7 +12,7 @@ from types import FrameType
 import typer
 
 from estimators.errors import PayscopeError
-from replay.commands import demo, info, init, plot, run, show, simulate, view
+from replay.commands import demo, info, init, plot, reproduce, run, show, simulate, sweep, view
 
 app = typer.Typer(
     name="payscope",
@@ -22,7 +22,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (demo, info, init, run, show, plot, view, simulate):
+for _command in (demo, info, init, run, show, plot, view, sweep, reproduce, simulate):
     app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
 
 

@@ -1,6 +1,5 @@
 """The demo: the paper's calibration campaign, simulated as real logs, through everything."""
 
-import json
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -22,6 +21,7 @@ from replay.machine import load_machine, machine_path, time_axis
 from replay.pipeline import run
 from replay.readers import open_log
 from replay.simulate import simulate
+from replay.truth import true_runs
 from replay.write_log import truth_path
 
 _MACHINE = Path("cat262c.toml")
@@ -95,16 +95,5 @@ def replay_campaign(
     with ExitStack() as stack:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate(run_estimates(replayed, _true_runs(logs)))
+    calibration = calibrate(run_estimates(replayed, true_runs(logs)))
     return replace(replayed, frames={**replayed.frames, "calibration": calibration})
-
-
-def _true_runs(logs: Sequence[Path]) -> pl.DataFrame:
-    """The truth of every run, in the logs' order, by the logs' own clock."""
-    truths = [json.loads(truth_path(log).read_text(encoding="utf-8")) for log in logs]
-    return pl.concat(
-        pl.DataFrame(truth["runs"]).with_columns(
-            pl.col("start_ns", "end_ns") - truth["time_zero_unix_ns"]
-        )
-        for truth in truths
-    )

@@ -167,6 +167,10 @@ def _derivations(found: set[str]) -> dict[str, str]:
     has_speed = "speed_x_m_s" in found or "speed_x_m_s" in derived
     if has_speed and not {"specific_force_x_m_s2", "acc_x_m_s2"} & found:
         derived["acc_x_m_s2"] = "d/dt speed_x_m_s"
+    # what spins need for an inertia
+    turns = "torque_z_N_m" in found or {"torque_left_N_m", "torque_right_N_m"} <= found
+    if turns and "yaw_rate_rad_s" in found and "yaw_acc_rad_s2" not in found:
+        derived["yaw_acc_rad_s2"] = "d/dt yaw_rate_rad_s"
     return derived
 
 

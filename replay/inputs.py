@@ -11,6 +11,7 @@ import polars as pl
 
 from analysis.machine import Machine
 from analysis.run import InputFile, Loss, Provenance
+from analysis.schema import HINTS
 from estimators.errors import LogError, nearest
 from replay.readers.protocol import Log
 
@@ -33,35 +34,41 @@ def read_channels(
         machine: its channels.
 
     Returns:
-        By topic: log_time_ns, header_stamp_ns and the fields, in log-time order. And what was
-        lost on the way.
+        By topic: log_time_ns, header_stamp_ns and the fields, in log-time order; without the
+        topics of mere hints that no log has. And what was lost on the way.
 
     Raises:
         LogError: a topic that no log has, that has no message, or that two logs have at one time.
     """
     wanted: dict[str, list[str]] = {}
     for channel in machine.channels.values():
-        if channel.field is not None:
+        for field in channel.fields:
             fields = wanted.setdefault(channel.topic or "table", [])
-            if channel.field not in fields:
-                fields.append(channel.field)
+            if field not in fields:
+                fields.append(field)
     losses: list[Loss] = []
     has = {log: set(log.topics()["topic"]) for log in logs}
     raw: dict[str, pl.DataFrame] = {}
     for topic, fields in wanted.items():
         holders = [log for log in logs if topic in has[log]]
+        filled = [
+            name
+            for name, channel in machine.channels.items()
+            if channel.fields and (channel.topic or "table") == topic
+        ]
+        # what no estimate needs must not stop one
+        hint = HINTS.issuperset(filled)
         if not holders:
             known = sorted(set().union(*has.values()))
             names = ", ".join(str(log.path) for log in logs)
-            where = next(
-                name
-                for name, channel in machine.channels.items()
-                if channel.field is not None and (channel.topic or "table") == topic
+            fault = (
+                f"no topic '{topic}'; {nearest(topic, known)} "
+                f"Set channels.{filled[0]}.topic in the machine file."
             )
-            raise LogError(
-                f"{names}: no topic '{topic}'; {nearest(topic, known)} "
-                f"Set channels.{where}.topic in the machine file."
-            )
+            if not hint:
+                raise LogError(f"{names}: {fault}")
+            losses += [Loss(source=log.path.name, what=fault) for log in logs]
+            continue
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
@@ -71,6 +78,11 @@ def read_channels(
         _refuse_overlap(topic, parts)
         # a column of whole numbers in one table may have fractions in the next
         frame = pl.concat(parts.values(), how="vertical_relaxed")
+        if frame.is_empty() and hint:
+            losses.append(
+                Loss(source=holders[0].path.name, topic=topic, what="the topic has no messages")
+            )
+            continue
         if frame.is_empty():
             why = [f": {loss.what}" for log in holders for loss in log.losses()]
             raise LogError(f"{holders[0].path}: topic '{topic}' has no messages{''.join(why[:1])}")

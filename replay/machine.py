@@ -1,6 +1,5 @@
 """Machine files: TOML in, a validated `Machine` out, every fault in one line."""
 
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from analysis.schema import CHANNEL_COLUMNS
 from analysis.units import to_si
 from estimators.errors import MachineError
 from replay.readers.protocol import TimeAxis
-from replay.toml_file import read_toml, validate
+from replay.toml_file import read_toml, read_value, validate
 
 _SHIPPED = Path(__file__).parent / "machines"
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
@@ -57,10 +56,7 @@ def _override(content: dict[str, Any], override: str) -> None:
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
         raise MachineError(f"--set {override}: write it as key=value, as settings.rate_hz=50")
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()
+    value = read_value(text)
     *sections, name = key.strip().split(".")
     place = content
     for section in sections:

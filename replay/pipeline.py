@@ -3,18 +3,19 @@
 from collections.abc import Callable, Sequence
 
 from analysis.align import align
-from analysis.answer import why_nothing_was_accepted
+from analysis.answer import obstacles
 from analysis.derive import derive
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
 from analysis.masses import masses
+from analysis.planar import planar
 from analysis.run import Run
 from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
-from analysis.verdict import can_weigh, verdict
+from analysis.verdict import can_weigh, tells_inertia, verdict
 from replay.inputs import provenance, read_channels
 from replay.readers.protocol import Log
 
@@ -54,9 +55,11 @@ def run(
     table = segments(excitation, gated, settings)
     on_stage("verdict")  # what the ungated log says of all this
     judged = verdict(excitation, gated, machine)
-    totals = masses(excitation, gated, estimates, machine, weighs=can_weigh(judged))
+    weighs, inertia = can_weigh(judged), tells_inertia(judged)
+    totals = masses(excitation, gated, estimates, machine, weighs=weighs, inertia=inertia)
+    on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
+    plane = planar(excitation, gated, judged, settings)
 
-    obstacle = why_nothing_was_accepted(excitation, gated, settings)
     return Run(
         frames={
             **{f"raw{'' if topic.startswith('/') else '/'}{topic}": f for topic, f in raw.items()},
@@ -65,6 +68,7 @@ def run(
             "gate": gated,
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
             "segments": table,
+            "planar": plane,
             "masses": totals,
             "verdict": judged,
         },
@@ -74,6 +78,6 @@ def run(
             t0_unix_ns,
             stamps,
             losses=[*losses, *doubts, *missing],
-            notes=[*notes, *([obstacle] if obstacle else [])],
+            notes=[*notes, *obstacles(excitation, gated, settings)],
         ),
     )

@@ -4,7 +4,8 @@ import reprlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -14,6 +15,7 @@ _IN_TOML = {
     "tuple_type": "input should be a list",
     "model_type": "input should be a table",
     "dict_type": "input should be a table",
+    "model_attributes_type": "input should be a table",
 }
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -40,6 +42,14 @@ def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
         raise error(f"{path}: is no TOML: {fault}") from None
 
 
+def read_value(text: str) -> Any:
+    """A value as TOML writes it; a bare word is text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
 def validate(
     path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
 ) -> _Model:
@@ -54,12 +64,19 @@ def explain(fault: ValidationError, model: type[BaseModel]) -> str:
     """Say in one line what is wrong, where, and what was probably meant."""
     details = fault.errors(include_url=False)
     first = details[0]
-    location, kind = first["loc"], first["type"]
-    key = ".".join(str(part) for part in location)
+    location, kind, why = first["loc"], first["type"], first.get("ctx", {})
+    steps, table = _walk(model, location[:-1] if kind == "extra_forbidden" else location)
+    key = ".".join(steps)
     if kind == "extra_forbidden":
-        text = f"unknown key '{key}'; {nearest(str(location[-1]), _keys(model, location[:-1]))}"
+        key, last = ".".join([*steps, str(location[-1])]), str(location[-1])
+        text = f"unknown key '{key}'; {nearest(last, table.model_fields if table else ())}"
+    elif kind == "union_tag_invalid":
+        known = str(why["expected_tags"]).replace("'", "").split(", ")
+        text = f"{key}: unknown {why['discriminator']} '{why['tag']}'; {nearest(why['tag'], known)}"
+    elif kind == "union_tag_not_found":
+        text = f"{key}: {why['discriminator']} is missing"
     elif kind == "value_error":
-        message = str(first.get("ctx", {}).get("error", first["msg"]))
+        message = str(why.get("error", first["msg"]))
         text = f"{key}: {message}" if key else message
     elif kind == "missing":
         text = f"{key}: is missing"
@@ -72,12 +89,38 @@ def explain(fault: ValidationError, model: type[BaseModel]) -> str:
     return " ".join(f"{text} (and {others} more)".split() if others else text.split())
 
 
-def _keys(model: type[BaseModel], location: Sequence[int | str]) -> list[str]:
-    """The keys that the table at `location` may have."""
+def _walk(
+    model: type[BaseModel], location: Sequence[int | str]
+) -> tuple[list[str], type[BaseModel] | None]:
+    """The keys of a location, without pydantic's tags of unions, and the table there."""
     here: Any = model
+    keys: list[str] = []
     for part in location:
-        if isinstance(here, type) and issubclass(here, BaseModel):
-            here = here.model_fields[str(part)].annotation
-        else:  # a table of tables: dict[str, Model]
-            here = get_args(here)[-1]
-    return list(here.model_fields)
+        table = _table(here, part)
+        if table is not None and part not in table.model_fields:
+            here = table  # the tag that picked it
+            continue
+        keys.append(str(part))
+        arguments = get_args(here)
+        if table is not None:
+            here = table.model_fields[str(part)].annotation
+        else:  # a list or tuple of tables, or a table of them
+            here = (
+                (arguments[-1] if get_origin(here) is dict else arguments[0]) if arguments else None
+            )
+    return keys, _table(here)
+
+
+def _table(here: Any, tag: int | str | None = None) -> type[BaseModel] | None:
+    """The table that an annotation allows, among several the one with this tag."""
+    if isinstance(here, type) and issubclass(here, BaseModel):
+        return here
+    if get_origin(here) is Annotated:
+        return _table(get_args(here)[0], tag)
+    if get_origin(here) not in (Union, UnionType):
+        return None
+    tables = [table for table in map(_table, get_args(here)) if table]
+    if len(tables) == 1:
+        return tables[0]
+    tagged = [t for t in tables if any(f.default == tag for f in t.model_fields.values())]
+    return tagged[0] if tagged else None

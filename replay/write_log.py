@@ -59,5 +59,6 @@ def _truth(log: SimulatedLog, target: Path) -> dict[str, Any]:
         # the log's own times are unix times less this
         "time_zero_unix_ns": log.origin_unix_ns if target.suffix == ".csv" else 0,
         "runs": log.runs.to_dicts(),
+        "manoeuvres": log.manoeuvres.to_dicts(),
         "scenario": log.scenario.model_dump(mode="json"),
     }

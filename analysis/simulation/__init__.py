@@ -1,10 +1,13 @@
 """The machine model: one machine, its motion, its sensors, and the campaign that they record.
 
-Files follow the signal: `scenario` (what is asked for), `motion` (the equation of motion, solved
-without noise), `sensors` (what the instruments report of it), `campaign` (loads, runs, truth).
+Files follow the signal: `scenario` with `manoeuvres` and `waveforms` (what is asked for), `body`
+(the equations of motion), `solve` with `driven` and `arc` (a run solved without noise: a `motion`),
+`sensors` (what the instruments report of it), `campaign` (loads, runs, truth).
 """
 
 from analysis.simulation.campaign import SimulatedLog, simulate_campaign
+from analysis.simulation.motion import Channels, Motion
 from analysis.simulation.scenario import Scenario
+from analysis.simulation.solve import solve_motion
 
-__all__ = ["Scenario", "SimulatedLog", "simulate_campaign"]
+__all__ = ["Channels", "Motion", "Scenario", "SimulatedLog", "simulate_campaign", "solve_motion"]

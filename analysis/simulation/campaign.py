@@ -9,9 +9,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.schema import PHASE
-from analysis.simulation.motion import Channels, Motion, solve_run
+from analysis.simulation.motion import Channels, Motion, Window
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.sensors import Streams, measure
+from analysis.simulation.solve import solve_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,18 +23,20 @@ class SimulatedLog:
         scenario: what was asked for.
         load_kg: the load.
         topics: `imu`, `torque` and `speed`, as `measure` gives them.
-        runs: a row a run: `run`, the unix times `start_ns`, `throttle_ns`, `cruise_ns`,
-            `braking_ns` and `end_ns`, and the true `load_kg mass_kg friction_N_s_m coulomb_N
-            slope_deg`.
-        noise_free: the motion at the header stamps: `time_ns` (unix), `phase`, `speed_x_m_s`,
-            `acc_x_m_s2`, `force_x_N` (all force but friction and gravity) and
-            `measured_force_x_N` (the part that torque sensors on all wheels would see).
+        runs: a row a run: `run`, the unix times `start_ns` and `end_ns`, `throttle_ns`,
+            `cruise_ns` and `braking_ns` of its first start (null without one), and the true
+            `load_kg mass_kg friction_N_s_m coulomb_N slope_deg inertia_z_kg_m2 com_x_m com_y_m
+            friction_z_N_m_s coulomb_z_N_m`: of machine and load, about the origin.
+        manoeuvres: a row a manoeuvre: `run`, `manoeuvre` (number in the run), `kind`, and the unix
+            times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not).
+        noise_free: the motion at the header stamps: `time_ns` (unix) and the fields of `Channels`.
     """
 
     scenario: Scenario
     load_kg: float
     topics: Mapping[str, pl.DataFrame]
     runs: pl.DataFrame
+    manoeuvres: pl.DataFrame
     noise_free: pl.DataFrame
 
     @property
@@ -51,16 +54,16 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
     """
     start_ns = _ns(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
-        timeline = _Timeline(scenario, solve_run(scenario, load_kg), start_ns)
+        timeline = _Timeline(scenario, solve_motion(scenario, load_kg), start_ns)
         stamp_ns = timeline.stamps_ns()
         now = timeline.channels(stamp_ns)
-        delayed = timeline.channels(stamp_ns - _ns(scenario.sensors.force_delay_s))
         streams = Streams(scenario.sensors.seed, index, timeline.run(stamp_ns))
         yield SimulatedLog(
             scenario=scenario,
             load_kg=load_kg,
-            topics=measure(scenario, streams, stamp_ns, now, delayed),
-            runs=_truth(scenario, timeline, load_kg),
+            topics=measure(scenario, streams, stamp_ns, timeline.channels),
+            runs=_runs(timeline, load_kg),
+            manoeuvres=_manoeuvres(timeline),
             noise_free=pl.DataFrame({"time_ns": stamp_ns, **now._asdict()}).with_columns(
                 pl.col("phase").cast(PHASE)
             ),
@@ -103,25 +106,61 @@ class _Timeline:
         return self.motion.sample((time_ns - self.start_ns - run_start_ns) * np.float64(1e-9))
 
 
-def _truth(scenario: Scenario, timeline: _Timeline, load_kg: float) -> pl.DataFrame:
+def _runs(timeline: _Timeline, load_kg: float) -> pl.DataFrame:
+    """Where each run is, and the truth about the machine in it."""
+    body = timeline.motion.body
     start_ns = timeline.start_ns + timeline.period_ns * np.arange(timeline.runs, dtype=np.int64)
-    standing, _, cruising, braking = timeline.motion.phases
+    starts = (window for window in timeline.motion.manoeuvres if window.kind == "start")
+    start = next(starts, Window("start", 0.0, None, None, None, 0.0))
     return pl.DataFrame(
         {
             "run": np.arange(timeline.runs),
             "start_ns": start_ns,
-            "throttle_ns": start_ns + _ns(standing.start_s),
-            "cruise_ns": start_ns + _ns(cruising.start_s),
-            "braking_ns": start_ns + _ns(braking.start_s),
+            "throttle_ns": _after(start_ns, start.drive_s),
+            "cruise_ns": _after(start_ns, start.steady_s),
+            "braking_ns": _after(start_ns, start.braking_s),
             "end_ns": start_ns + timeline.period_ns,
         }
     ).with_columns(
         load_kg=pl.lit(load_kg),
-        mass_kg=pl.lit(timeline.motion.dynamics.mass_kg),
-        friction_N_s_m=pl.lit(scenario.machine.friction_N_s_m),
-        coulomb_N=pl.lit(scenario.machine.coulomb_N),
-        slope_deg=pl.lit(scenario.terrain.slope_deg),
+        mass_kg=pl.lit(body.mass_kg),
+        friction_N_s_m=pl.lit(body.friction_x_N_s_m),
+        coulomb_N=pl.lit(body.coulomb_x_N),
+        slope_deg=pl.lit(timeline.scenario.terrain.slope_deg),
+        inertia_z_kg_m2=pl.lit(body.inertia_z_kg_m2),
+        com_x_m=pl.lit(body.com_x_m),
+        com_y_m=pl.lit(body.com_y_m),
+        friction_z_N_m_s=pl.lit(body.friction_z_N_m_s),
+        coulomb_z_N_m=pl.lit(body.coulomb_z_N_m),
     )
+
+
+def _manoeuvres(timeline: _Timeline) -> pl.DataFrame:
+    """Where each manoeuvre of each run is."""
+    windows = timeline.motion.manoeuvres
+    rows = [
+        {
+            "run": run,
+            "manoeuvre": number,
+            "kind": window.kind,
+            "start_ns": start_ns + _ns(window.start_s),
+            "drive_ns": None if window.drive_s is None else start_ns + _ns(window.drive_s),
+            "steady_ns": None if window.steady_s is None else start_ns + _ns(window.steady_s),
+            "braking_ns": None if window.braking_s is None else start_ns + _ns(window.braking_s),
+            "end_ns": start_ns + _ns(window.end_s),
+        }
+        for run in range(timeline.runs)
+        for start_ns in (timeline.start_ns + run * timeline.period_ns,)
+        for number, window in enumerate(windows)
+    ]
+    times = ("start_ns", "drive_ns", "steady_ns", "braking_ns", "end_ns")
+    return pl.DataFrame(rows, infer_schema_length=None).cast(dict.fromkeys(times, pl.Int64))
+
+
+def _after(start_ns: NDArray[np.int64], seconds: float | None) -> pl.Series:
+    if seconds is None:
+        return pl.Series([None] * start_ns.size, dtype=pl.Int64)
+    return pl.Series(start_ns + _ns(seconds))
 
 
 def _ns(seconds: float) -> int:

@@ -1,38 +1,55 @@
-"""The equation of motion of one run, solved without noise.
+"""A solved motion: the manoeuvres of one run with one load, without noise."""
 
-    m dv/dt = F_drive - F_brake - b v - F_c sign(v) - m g sin(slope)
-
-The x row of the paper's (4) with the friction of (7), Coulomb friction and slope beside it. Drive
-and brakes follow their commands with the valve's first-order lag. The machine drives forward alone;
-while it stands with the throttle closed, the brakes hold it.
-"""
-
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulation.scenario import Scenario
+from analysis.simulation.body import Body
+from analysis.simulation.waveforms import Floats
 
-Floats: TypeAlias = NDArray[np.float64]
 
-#: Far beyond any stop: a scenario keeps below 50 m/s and brakes with at least 0.1 m/s².
-_LONGEST_STOP_S = 86_400.0
+class State(NamedTuple):
+    """The machine at n instants, each (n,): drive and brakes are forces in N, torques in N·m."""
+
+    speed_x_m_s: Floats
+    acc_x_m_s2: Floats
+    drive_x: Floats
+    brake_x: Floats
+    yaw_rate_rad_s: Floats
+    yaw_acc_rad_s2: Floats
+    drive_z: Floats
+    brake_z: Floats
+    heading_rad: Floats
 
 
 class Phase(NamedTuple):
     """A part of a run, times in s since the run began.
 
-    `state` takes times (n,) and gives (3, n): speed in m/s, drive force and brake force in N.
+    `name` is a phase of motion, or None where the motion tells it; `state` takes times (n,).
     """
 
-    name: str
+    name: str | None
     start_s: float
     end_s: float
-    state: Callable[[Floats], Floats]
+    state: Callable[[Floats], State]
+
+
+class Window(NamedTuple):
+    """When a manoeuvre happens, in s since the run began; None for what it does not have.
+
+    `drive_s` is when drive begins, `steady_s` when a start cruises, a spin holds its rate and an
+    arc its speed; `braking_s` when it ends in braking (or in the ramp down of an arc).
+    """
+
+    kind: str
+    start_s: float
+    drive_s: float | None
+    steady_s: float | None
+    braking_s: float | None
+    end_s: float
 
 
 class Channels(NamedTuple):
@@ -45,160 +62,72 @@ class Channels(NamedTuple):
     force_x_N: Floats
     #: The part of it that torque sensors on all wheels would see.
     measured_force_x_N: Floats
-
-
-@dataclass(frozen=True)
-class Dynamics:
-    """The forces on one machine with one load, and its motion under constant commands."""
-
-    mass_kg: float
-    friction_N_s_m: float
-    coulomb_N: float
-    #: What gravity pulls back with: m g sin(slope).
-    slope_force_N: float
-    valve_lag_s: float
-
-    @property
-    def resistance(self) -> float:
-        """The drive force in N that only just keeps the machine creeping forward."""
-        return self.coulomb_N + self.slope_force_N
-
-    def acceleration(self, force_N: Floats, speed_m_s: Floats) -> Floats:
-        """Acceleration in m/s² while moving forward under drive less brake force."""
-        return (force_N - self.friction_N_s_m * speed_m_s - self.resistance) / self.mass_kg
-
-    def breakaway_s(self, throttle_force_N: float) -> float:
-        """How long after the throttle opens the drive force overcomes slope and friction."""
-        return -self.valve_lag_s * math.log1p(-max(self.resistance / throttle_force_N, 0.0))
-
-    def stalled(self, start_s: float, throttle_force_N: float) -> Callable[[Floats], Floats]:
-        """The state before breakaway; the brakes let go as the drive takes over the slope."""
-
-        def state(time_s: Floats) -> Floats:
-            drive = throttle_force_N * -np.expm1(-(time_s - start_s) / self.valve_lag_s)
-            brake = np.minimum(drive - self.slope_force_N, 0.0)
-            return np.stack([np.zeros_like(time_s), drive, brake])
-
-        return state
-
-    def move(
-        self,
-        name: str,
-        start_s: float,
-        end_s: float | None,
-        start: Floats,
-        command_N: tuple[float, float],
-    ) -> Phase:
-        """Move from the state `start` (3,) until `end_s`, or without one until the machine stands.
-
-        `command_N` are the drive and brake force that the operator asks for throughout.
-        """
-        from scipy.integrate import solve_ivp
-
-        def rates(_time_s: float, state: Floats) -> Floats:
-            acceleration = self.acceleration(state[1] - state[2], state[0])
-            return np.array([acceleration, *(command_N - state[1:]) / self.valve_lag_s])
-
-        solution = solve_ivp(
-            rates,
-            (start_s, start_s + _LONGEST_STOP_S if end_s is None else end_s),
-            start,
-            method="DOP853",
-            rtol=1e-12,
-            atol=1e-12,
-            dense_output=True,
-            events=_Stop() if end_s is None else None,
-        )
-        assert solution.sol is not None
-        return Phase(name, start_s, float(solution.t[-1]), solution.sol)
-
-
-class _Stop:
-    """Ends an integration where the speed falls to zero, in the form that solve_ivp asks for."""
-
-    terminal = True
-    direction = -1.0
-
-    def __call__(self, _time_s: float, state: Floats) -> float:
-        return float(state[0])
+    yaw_rate_rad_s: Floats
+    yaw_acc_rad_s2: Floats
+    #: All torque about the origin but friction and gravity, and what the sensors would see of it.
+    torque_z_N_m: Floats
+    measured_torque_z_N_m: Floats
+    #: Of the origin, the slope's share of gravity included.
+    specific_force_x_m_s2: Floats
+    specific_force_y_m_s2: Floats
+    heading_rad: Floats
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One run with one load; outside its phases the machine stands, held by the brakes."""
+    """One run with one load, from standing to standing; before and after, the machine stands.
 
-    dynamics: Dynamics
+    Attributes:
+        body: the machine with its load: what an estimator should find.
+        brake_measured_share: how much of the brakes the torque sensors see.
+        phases: without a gap between them, over all times.
+        manoeuvres: a window a manoeuvre, in order.
+    """
+
+    body: Body
     brake_measured_share: float
     phases: tuple[Phase, ...]
+    manoeuvres: tuple[Window, ...]
 
     @property
     def duration_s(self) -> float:
-        """From standstill to standstill."""
-        return self.phases[-1].end_s
+        """Until the last manoeuvre has ended."""
+        return self.manoeuvres[-1].end_s
 
     def sample(self, time_s: Floats) -> Channels:
-        """The channels at times (n,) in s since the run began; any time before or after stands."""
+        """The channels at times (n,) in s since the run began: any times, in any order."""
         name = np.full(time_s.shape, "standstill", dtype="<U12")
-        state = np.zeros((3, *time_s.shape))
-        state[2] = -self.dynamics.slope_force_N
+        rows = np.zeros((len(State._fields), *time_s.shape))
         for phase in self.phases:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
             if inside.any():  # a short phase may fall between two samples
-                name[inside] = phase.name
-                state[:, inside] = phase.state(time_s[inside])
-        speed, drive, brake = state[0], state[1], state[2]
-        acceleration = self.dynamics.acceleration(drive - brake, speed)
+                state = phase.state(time_s[inside])
+                name[inside] = _told(state) if phase.name is None else phase.name
+                rows[:, inside] = np.stack(state)
+        state = State(*[rows[i] for i in range(len(rows))])
+        gravity_x, gravity_y = self.body.gravity(state.heading_rad)
+        seen = self.brake_measured_share
         return Channels(
             phase=name,
-            speed_x_m_s=speed,
-            acc_x_m_s2=np.where(name == "standstill", 0.0, acceleration),
-            force_x_N=drive - brake,
-            measured_force_x_N=drive - self.brake_measured_share * brake,
+            speed_x_m_s=state.speed_x_m_s,
+            acc_x_m_s2=state.acc_x_m_s2,
+            force_x_N=state.drive_x - state.brake_x,
+            measured_force_x_N=state.drive_x - seen * state.brake_x,
+            yaw_rate_rad_s=state.yaw_rate_rad_s,
+            yaw_acc_rad_s2=state.yaw_acc_rad_s2,
+            torque_z_N_m=state.drive_z - state.brake_z,
+            measured_torque_z_N_m=state.drive_z - seen * state.brake_z,
+            specific_force_x_m_s2=state.acc_x_m_s2 + gravity_x,
+            specific_force_y_m_s2=state.yaw_rate_rad_s * state.speed_x_m_s + gravity_y,
+            heading_rad=state.heading_rad,
         )
 
 
-def solve_run(scenario: Scenario, load_kg: float) -> Motion:
-    """Solve one run: stand, break away, full throttle, cruise, brake to a stop.
-
-    Returns:
-        The motion; its phases are standstill (with the throttle opening), accelerating, cruising
-        and braking, in this order.
-    """
-    campaign, machine, terrain = scenario.campaign, scenario.machine, scenario.terrain
-    mass_kg = machine.mass_kg + load_kg
-    dynamics = Dynamics(
-        mass_kg=mass_kg,
-        friction_N_s_m=machine.friction_N_s_m,
-        coulomb_N=machine.coulomb_N,
-        slope_force_N=mass_kg * terrain.gravity_m_s2 * math.sin(terrain.slope_rad),
-        valve_lag_s=campaign.valve_lag_s,
+def _told(state: State) -> NDArray[np.str_]:
+    """The phases of motion (n,) of an excitation."""
+    stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
+    return np.select(
+        [turns & stands, turns, stands, state.speed_x_m_s * state.acc_x_m_s2 >= 0.0],
+        ["spinning", "turning", "standstill", "accelerating"],
+        default="braking",
     )
-    throttle_N = campaign.throttle_force_N
-    throttle_s = campaign.standstill_s
-    breakaway_s = throttle_s + dynamics.breakaway_s(throttle_N)
-    cruise_s = throttle_s + campaign.start_s
-    braking_s = cruise_s + campaign.cruise_s
-
-    state = dynamics.stalled(throttle_s, throttle_N)
-    stalled = Phase("standstill", throttle_s, breakaway_s, state)
-    breakaway = _at(stalled, breakaway_s) * (1.0, 1.0, 0.0)  # the brakes have let go
-    accelerating = dynamics.move(
-        "accelerating", breakaway_s, cruise_s, breakaway, (throttle_N, 0.0)
-    )
-    top = _at(accelerating, cruise_s)
-    keeping_N = dynamics.friction_N_s_m * float(top[0]) + dynamics.resistance
-    cruising = dynamics.move("cruising", cruise_s, braking_s, top, (keeping_N, 0.0))
-    braking = dynamics.move(
-        "braking",
-        braking_s,
-        None,
-        _at(cruising, braking_s),
-        (0.0, mass_kg * campaign.braking_m_s2),
-    )
-    return Motion(
-        dynamics, campaign.brake_measured_share, (stalled, accelerating, cruising, braking)
-    )
-
-
-def _at(phase: Phase, time_s: float) -> Floats:
-    return phase.state(np.array([time_s]))[:, 0]

@@ -5,19 +5,48 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
+from analysis.simulation.manoeuvres import Manoeuvre, Rest, Start
+
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-#: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
-_TOP_SPEED_M_S = 50.0
 
 
 class SimulatedMachine(BaseModel):
-    """The machine without load. Mass and friction are the paper's; the rest is assumed."""
+    """The machine without load. Mass and friction are the paper's; the rest is assumed.
+
+    The origin lies midway between the wheels, where wheels that do not slip sideways allow no
+    sideways motion.
+    """
 
     model_config = _FORBID
 
     mass_kg: float = Field(default=3614.0, gt=0, le=1e6)
     friction_N_s_m: float = Field(default=2891.0, ge=0, le=1e6)
     coulomb_N: float = Field(default=0.0, ge=0, le=1e6)
+    inertia_z_kg_m2: float = Field(
+        default=4000.0, gt=0, le=1e7, description="yaw inertia about the origin"
+    )
+    com_x_m: float = Field(
+        default=0.0, ge=-10, le=10, description="centre of mass ahead of the origin"
+    )
+    com_y_m: float = Field(default=0.0, ge=-10, le=10, description="centre of mass to the left")
+    friction_z_N_m_s: float = Field(
+        default=5000.0, ge=0, le=1e7, description="viscous friction of turning"
+    )
+    coulomb_z_N_m: float = Field(
+        default=0.0, ge=0, le=1e7, description="Coulomb friction of turning"
+    )
+    slip_stiffness_N: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e9,
+        description="longitudinal slip stiffness of all wheels: their slip is the force over it; "
+        "0: they do not slip",
+    )
+    load_x_m: float = Field(
+        default=1.5, ge=-10, le=10, description="where the load sits, ahead of the origin"
+    )
+    load_y_m: float = Field(default=0.0, ge=-10, le=10, description="and to the left")
     wheel_radius_m: float = Field(default=0.42, gt=0, le=10)
     track_width_m: float = Field(default=1.5, gt=0, le=10)
     force_share: float = Field(
@@ -49,7 +78,27 @@ class SimulatedCampaign(BaseModel):
     brake_measured_share: float = Field(
         default=0.4, ge=0, le=1, description="share of the braking force that the sensors see"
     )
+    valve_deadband_share: float = Field(
+        default=0.0, ge=0, lt=1, description="share of the throttle that the valves ignore"
+    )
     rest_s: float = Field(default=5.0, ge=0, le=600, description="standstill after the last run")
+    manoeuvres: tuple[Manoeuvre, ...] = Field(
+        default=(), max_length=100, description="what a run is; none: a rest and a start"
+    )
+
+    @property
+    def run(self) -> tuple[Manoeuvre, ...]:
+        """The manoeuvres of one run."""
+        start = Start(start_s=self.start_s, cruise_s=self.cruise_s)
+        return self.manoeuvres or (Rest(duration_s=self.standstill_s), start)
+
+    def valve(self, share: float) -> float:
+        """The share of the full drive that a share of the full throttle gives, in steady state.
+
+        Dead band, then linear up to full at full throttle.
+        """
+        opened = max(abs(share) - self.valve_deadband_share, 0.0)
+        return math.copysign(opened / (1.0 - self.valve_deadband_share), share)
 
     @field_validator("loads_kg")
     @classmethod
@@ -75,41 +124,6 @@ class SimulatedTerrain(BaseModel):
         return math.radians(self.slope_deg)
 
 
-class SimulatedSensors(BaseModel):
-    """What the instruments add: standard deviations of white noise a sample, delay, bias."""
-
-    model_config = _FORBID
-
-    rate_hz: float = Field(default=100.0, ge=1, le=10_000, description="of each topic")
-    force_noise_N: float = Field(
-        default=60.0, ge=0, description="of the total force: (17) over the force share"
-    )
-    acc_noise_m_s2: float = Field(default=0.01, ge=0, description="of each accelerometer axis")
-    speed_noise_m_s: float = Field(default=0.005, ge=0, description="of the mean of both sides")
-    gyro_noise_rad_s: float = Field(default=0.001, ge=0, description="of each gyroscope axis")
-    pitch_noise_rad: float = Field(default=0.0005, ge=0, description="of the orientation's pitch")
-    acc_bias_m_s2: float = Field(default=0.0, description="of the accelerometer along x")
-    force_delay_s: float = Field(
-        default=0.0, ge=0, le=10, description="the torque sensors report what was so long ago"
-    )
-    seed: int = Field(default=1, ge=0)
-
-
-class SimulatedRecorder(BaseModel):
-    """How the logs are recorded: one log a load, all on one time line."""
-
-    model_config = _FORBID
-
-    start_unix_s: int = Field(default=1_700_000_000, ge=0, le=2_000_000_000)
-    load_change_s: float = Field(default=120.0, ge=0, le=86_400, description="between two logs")
-    latency_s: float = Field(
-        default=0.002, ge=0, le=1, description="least time from measurement to recording"
-    )
-    latency_jitter_s: float = Field(
-        default=0.001, ge=0, le=1, description="what a message may take longer, uniform"
-    )
-
-
 class Scenario(BaseModel):
     """A whole scenario file."""
 
@@ -121,35 +135,24 @@ class Scenario(BaseModel):
     sensors: SimulatedSensors = SimulatedSensors()
     log: SimulatedRecorder = SimulatedRecorder()
 
-    @model_validator(mode="after")
-    def _the_machine_starts_and_stops(self) -> Self:
-        campaign, machine = self.campaign, self.machine
-        heaviest_kg = machine.mass_kg + max(campaign.loads_kg)
-        lightest_kg = machine.mass_kg + min(campaign.loads_kg)
-        downhill_m_s2 = self.terrain.gravity_m_s2 * math.sin(self.terrain.slope_rad)
-        resistance_N = machine.coulomb_N + heaviest_kg * downhill_m_s2
-        reached_N = campaign.throttle_force_N * -math.expm1(
-            -campaign.start_s / campaign.valve_lag_s
+    @property
+    def full_drive(self) -> tuple[float, float]:
+        """Full throttle: the force of both sides in N, their torque when they oppose in N·m."""
+        full_N = self.campaign.throttle_force_N
+        return full_N, full_N * self.machine.track_width_m / 2.0
+
+    def driven(self, force_N: float, torque_N_m: float) -> tuple[float, float]:
+        """What the valves of both sides make of an asked force and torque, but for their lag."""
+        width_m, full_N = self.machine.track_width_m, self.campaign.throttle_force_N / 2.0
+        left, right = (
+            full_N * self.campaign.valve((force_N / 2.0 + sign * torque_N_m / width_m) / full_N)
+            for sign in (-1.0, 1.0)
         )
-        if reached_N <= resistance_N:
-            raise ValueError(
-                f"campaign.throttle_force_N: reaches {reached_N:.0f} N in campaign.start_s, but "
-                f"slope and Coulomb friction hold {heaviest_kg:g} kg with {resistance_N:.0f} N"
-            )
-        push_N = campaign.throttle_force_N - machine.coulomb_N - lightest_kg * downhill_m_s2
-        if push_N > _TOP_SPEED_M_S * max(machine.friction_N_s_m, lightest_kg / campaign.start_s):
-            raise ValueError(
-                f"campaign.throttle_force_N: drives the machine beyond {_TOP_SPEED_M_S:g} m/s "
-                "in campaign.start_s"
-            )
-        if campaign.braking_m_s2 + downhill_m_s2 < 0.1:
-            raise ValueError(
-                f"campaign.braking_m_s2: {campaign.braking_m_s2:g} does not stop the machine on "
-                f"this slope; give at least {0.1 - downhill_m_s2:.2f}"
-            )
-        if self.log.latency_jitter_s * self.sensors.rate_hz >= 1:
-            raise ValueError(
-                "log.latency_jitter_s: must be shorter than a period of sensors.rate_hz, "
-                "so that messages are recorded in order"
-            )
+        return left + right, (right - left) * width_m / 2.0
+
+    @model_validator(mode="after")
+    def _it_can_be_driven(self) -> Self:
+        from analysis.simulation.limits import check
+
+        check(self)
         return self

@@ -15,7 +15,7 @@ _STAGES = 10
 class Stages:
     """Told when each stage begins; shows where the work is, and keeps the seconds."""
 
-    def __init__(self, *, timing: bool = False) -> None:
+    def __init__(self, *, timing: bool = False, total: int = _STAGES) -> None:
         self._timing = timing
         self._began: list[tuple[str, float]] = []
         self._bar = Progress(
@@ -26,7 +26,7 @@ class Stages:
             transient=True,
             disable=not sys.stderr.isatty(),
         )
-        self._task = self._bar.add_task("open", total=_STAGES)
+        self._task = self._bar.add_task("open", total=total)
 
     def begin(self, stage: str) -> None:
         """A stage begins; the one before it has ended."""

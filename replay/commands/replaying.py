@@ -11,6 +11,7 @@ from analysis.answer import answer
 from analysis.run import Loss
 from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
+from recordings.planar_text import planar_lines
 from recordings.viewer import start_viewer
 from replay.commands.printing import console, plain_table, print_json
 from replay.commands.progress import Stages
@@ -66,29 +67,48 @@ def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
         return
     screen = console()
     weighs = answer["verdict"]["can_weigh"]
-    if weighs:
-        screen.print(_masses(answer))
+    if weighs or answer["verdict"]["tells_inertia"]:
+        screen.print(_totals(answer))
+    for line in planar_lines(answer["planar"]):
+        screen.print(line, markup=False)
     for loss in answer["losses"]:
         screen.print(f"lost: {Loss(**loss)}", markup=False)
     for note in answer["notes"]:
         screen.print(f"note: {note}", markup=False)
-    failed = [check for check in answer["verdict"]["checks"] if check["passed"] is False]
+    checks = answer["verdict"]["checks"]
+    failed = [c for c in checks if c["passed"] is False and c["about"] == "mass"]
+    lost = [c for c in checks if c["passed"] is False and c["about"] == "inertia"]
     share = answer["accepted_share"]
     if weighs:
-        screen.print(f"This log can weigh: every check passed, {share:.0%} of it was used.")
+        which = "every check of the mass" if lost else "every check"
+        screen.print(f"This log can weigh: {which} passed, {share:.0%} of it was used.")
     else:
         screen.print("This log cannot weigh, so the mass is withheld. Failed:")
-    screen.print(_checks(failed if not weighs else answer["verdict"]["checks"]))
+    screen.print(_checks([*failed, *lost] if not weighs else checks))
+    spins = any(check["about"] == "inertia" for check in checks)
+    if spins and not answer["verdict"]["tells_inertia"]:
+        screen.print("The spins tell no inertia: it is withheld.")
     if answer["recording"]:
         screen.print(f"recording: {answer['recording']}", markup=False, soft_wrap=True)
 
 
-def _masses(answer: dict[str, Any]) -> Table:
+_OF_MASS = {
+    "mass kg": ("mass_kg", "mass_std_kg"),
+    "payload kg": ("payload_kg", None),
+    "friction N·s/m": ("friction_x_N_s_m", "friction_x_std_N_s_m"),
+    "Coulomb N": ("coulomb_x_N", "coulomb_x_std_N"),
+}
+_OF_INERTIA = {
+    "yaw inertia kg·m²": ("inertia_z_kg_m2", "inertia_z_std_kg_m2"),
+    "turning N·m·s": ("friction_z_N_m_s", "friction_z_std_N_m_s"),
+}
+
+
+def _totals(answer: dict[str, Any]) -> Table:
+    judged = answer["verdict"]
     columns = {
-        "mass kg": ("mass_kg", "mass_std_kg"),
-        "payload kg": ("payload_kg", None),
-        "friction N·s/m": ("friction_x_N_s_m", "friction_x_std_N_s_m"),
-        "Coulomb N": ("coulomb_x_N", "coulomb_x_std_N"),
+        **(_OF_MASS if judged["can_weigh"] else {}),
+        **(_OF_INERTIA if judged["tells_inertia"] else {}),
     }
     shown = {title: names for title, names in columns.items() if names[0] in answer}
     table = plain_table("method", *shown)

@@ -1,7 +1,6 @@
 """Stages of a recording as tables, CSV, JSON or Parquet."""
 
 import io
-import sys
 from pathlib import Path
 
 import polars as pl
@@ -10,17 +9,16 @@ from rich.markup import escape
 
 from analysis.schema import FRAMES, Frame
 from analysis.stamps import FIRST_DATE_NS
-from estimators.errors import OutputError, RecordingError, nearest
+from estimators.errors import RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
-from recordings.output import check_output, keep_apart, whole_file
+from recordings.output import check_output, keep_apart
 from replay.commands.printing import console, json_text, plain_table
+from replay.commands.tables import format_of, print_frame
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN = 40
 #: Characters of a line of a table.
 _NO_LIMIT = 10_000
-#: What `-o` may end in.
-_WRITTEN = ("csv", "json", "parquet")
 
 
 def list_stages(recording: Path, *, as_json: bool) -> None:
@@ -63,46 +61,24 @@ def show_stage(
         RecordingError: the recording has no such stage.
         OutputError: Parquet to a screen, or an output that cannot be written.
     """
-    if output_format is None:
-        output_format = "table" if output is None else _format_of(output)
+    output_format = format_of(output_format, output)
     if output is not None:
         keep_apart(output, [recording])
         check_output(output, force=force)
     held = stages(recording)
     if stage not in held:
         raise RecordingError(f"{recording}: no stage '{stage}'; {nearest(stage, held)}")
-    if output_format == "parquet" and output is None:
-        raise OutputError("Parquet is not for a screen: name a file with -o")
     frame = _between(recording, stage, read_frame(recording, stage), start_s, end_s)
-    if output is None:
-        if output_format == "table":
-            _print_table(_readable(recording, stage, frame))
-        elif output_format == "csv":
-            # polars says of a closed pipe only that some writing failed
-            sys.stdout.write(frame.write_csv())
-        else:
-            typer.echo(json_text(frame.to_dicts()))
+    if output is None and output_format == "table":
+        _print_table(_readable(recording, stage, frame))
         return
-    with whole_file(output, force=force) as partial:
-        match output_format:
-            case "parquet":
-                frame.write_parquet(partial)
-            case "json":
-                partial.write_text(json_text(frame.to_dicts()) + "\n", encoding="utf-8")
-            case "csv":
-                frame.write_csv(partial)
-            case _:
-                partial.write_text(_table(_readable(recording, stage, frame), frame.height))
-
-
-def _format_of(output: Path) -> str:
-    suffix = output.suffix.removeprefix(".")
-    if suffix not in _WRITTEN:
-        raise OutputError(
-            f"{output}: no format '{output.suffix}'; use {', '.join(f'.{x}' for x in _WRITTEN)}, "
-            "or say --format"
-        )
-    return suffix
+    print_frame(
+        frame,
+        output_format,
+        output,
+        force=force,
+        table=lambda: _table(_readable(recording, stage, frame), frame.height),
+    )
 
 
 def _between(

@@ -68,21 +68,25 @@ def _imu(frame: pl.DataFrame, types: _Types, _scenario: Scenario) -> _Fields:
     vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
     # REP-103: y points left, so that a positive pitch is nose-down
     half = -frame["pitch_rad"].to_numpy() / 2
+    roll = frame["roll_rad"].to_numpy() / 2
     columns = frame.select(
         *(f"specific_force_{axis}_m_s2" for axis in "xyz"),
         *(f"{axis}_rate_rad_s" for axis in ("roll", "pitch", "yaw")),
-        pl.Series("quaternion_y", np.sin(half)),
-        pl.Series("quaternion_w", np.cos(half)),
+        pl.Series("quaternion_x", np.sin(roll) * np.cos(half)),
+        pl.Series("quaternion_y", np.cos(roll) * np.sin(half)),
+        # without roll 0, not -0
+        pl.Series("quaternion_z", -np.sin(roll) * np.sin(half) + 0.0),
+        pl.Series("quaternion_w", np.cos(roll) * np.cos(half)),
     )
     # a covariance of zeros says that it is not known
     unknown = {
         f"{of}_covariance": np.zeros(9)
         for of in ("orientation", "angular_velocity", "linear_acceleration")
     }
-    for acc_x, acc_y, acc_z, roll, pitch, yaw, sine, cosine in columns.iter_rows():
+    for acc_x, acc_y, acc_z, roll_rate, pitch_rate, yaw_rate, *turned in columns.iter_rows():
         yield {
-            "orientation": quaternion(x=0.0, y=sine, z=0.0, w=cosine),
-            "angular_velocity": vector(x=roll, y=pitch, z=yaw),
+            "orientation": quaternion(*turned),
+            "angular_velocity": vector(x=roll_rate, y=pitch_rate, z=yaw_rate),
             "linear_acceleration": vector(x=acc_x, y=acc_y, z=acc_z),
             **unknown,
         }

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.calibrate import calibrate, rms_errors
+from analysis.calibrate import calibrate, rms_errors, run_errors
 
 
 def runs(method, masses_by_load, empty_kg=3614.0):
@@ -131,3 +131,22 @@ def test_no_estimates_at_all_give_an_empty_frame_with_all_columns():
     assert fit.height == 0
     assert "error_left_out_kg" in fit.columns
     assert rms_errors(fit).height == 0
+
+
+def test_errors_of_single_runs_are_those_of_the_lines_with_and_without_their_load():
+    # the lines of the hand-checked example
+    errors = run_errors(runs("ls", {1: [9.0, 11.0], 2: [20.0], 3: [38.0, None]}, empty_kg=0.0))
+    fit = calibrate(runs("ls", {1: [9.0, 11.0], 2: [20.0], 3: [38.0]}, empty_kg=0.0))
+    alpha, beta = fit["alpha_1"][0], fit["beta_kg"][0]
+    within = [alpha * m + beta - r for m, r in ((9, 1), (11, 1), (20, 2), (38, 3))]
+    assert errors["error_kg"].to_list() == [*(pytest.approx(e) for e in within), None]
+    # without 1 the line goes through (20, 2) and (38, 3)
+    without = [(m - 20) / 18 + 2 - 1 for m in (9, 11)]
+    assert errors["error_left_out_kg"][:2].to_list() == pytest.approx(without)
+    means = errors.group_by("load_kg", maintain_order=True).agg(pl.col("error_left_out_kg").mean())
+    assert means["error_left_out_kg"].to_list() == pytest.approx(fit["error_left_out_kg"].to_list())
+
+
+def test_runs_of_too_few_loads_have_no_error():
+    errors = run_errors(runs("ls", {0: [9.0, 11.0], 50: [20.0]}))
+    assert errors["error_kg"].null_count() == errors["error_left_out_kg"].null_count() == 3

@@ -1,6 +1,7 @@
 """Channels in SI units at their own rates."""
 
 import numpy as np
+import polars as pl
 import pytest
 
 from analysis import filters
@@ -173,6 +174,22 @@ def test_angles_are_not_filtered(raw_topic, machine):
     np.testing.assert_allclose(
         channels["pitch_rad"]["pitch_rad"], np.deg2rad(raw["/imu"]["x"].to_numpy())
     )
+
+
+def test_the_pitch_of_a_quaternion_is_nose_up_and_in_the_topics_own_time(raw_topic, machine):
+    raw = loader(raw_topic)
+    n = raw["/imu"].height
+    half = np.linspace(0.0, 0.1, n)
+    parts = {"x": np.zeros(n), "y": -np.sin(half), "z": np.zeros(n), "w": np.cos(half)}
+    raw["/imu"] = raw["/imu"].with_columns(
+        pl.Series(f"orientation.{axis}", value) for axis, value in parts.items()
+    )
+    pitch = {"topic": "/imu", "derive": "pitch(orientation)"}
+    channels, _, _ = derived(
+        raw, machine({"acceleration": "kinematic"}, **POSITION | {"pitch_rad": pitch})
+    )
+    np.testing.assert_allclose(channels["pitch_rad"]["pitch_rad"], 2 * half, atol=1e-12)
+    np.testing.assert_array_equal(channels["pitch_rad"]["unix_ns"], T)
 
 
 SIDES = {

@@ -99,11 +99,13 @@ def test_a_time_zone_must_exist():
         ),
         (
             {"derive": "integral speed_x_m_s"},
-            'cannot derive \'integral speed_x_m_s\'; use "d/dt NAME" or "mean(NAME, NAME)"',
+            'cannot derive \'integral speed_x_m_s\'; use "d/dt NAME", "mean(NAME, NAME)", '
+            'or "pitch(FIELD)" and "roll(FIELD)" of a quaternion',
         ),
         (
             {"derive": "mean(a, b, c)"},
-            'cannot derive \'mean(a, b, c)\'; use "d/dt NAME" or "mean(NAME, NAME)"',
+            'cannot derive \'mean(a, b, c)\'; use "d/dt NAME", "mean(NAME, NAME)", '
+            'or "pitch(FIELD)" and "roll(FIELD)" of a quaternion',
         ),
         (
             {"derive": "d/dt speed_x_m_s", "topic": "/can"},
@@ -116,6 +118,14 @@ def test_a_time_zone_must_exist():
         (
             {"derive": "d/dt speed_x_m_s", "delay_s": 0.1},
             "a derived channel takes no 'delay_s'; its sources have theirs",
+        ),
+        (
+            {"derive": "pitch(q)", "topic": "/imu"},
+            "channels.acc_x_m_s2: 'pitch(q)' is no acc_x_m_s2",
+        ),
+        (
+            {"derive": "pitch(q)", "topic": "/imu", "scale": 2.0},
+            "an angle of a quaternion takes no 'unit', 'scale' or 'offset'",
         ),
         ({"field": "x", "delay_s": float("inf")}, "Input should be a finite number"),
         ({"field": "x", "scale": float("nan")}, "Input should be a finite number"),

@@ -153,8 +153,8 @@ def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_star
     for k, row in enumerate(two_starts.iter_rows(named=True)):
         step = online.step(state, row)
         state = step.state
-        if step.estimates:
-            came[k] = step.estimates["pooled"].row
+        for standing in step.estimates.values():
+            came[k] = standing.row
     braking = np.flatnonzero((two_starts["phase"] == "braking").fill_null(False).to_numpy())
     for at, (k, last) in enumerate(came.items()):
         assert last == np.flatnonzero(numbers == np.unique(numbers[numbers >= 0])[at])[-1]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.phases import phases, speed_rate
+from analysis.phases import phases, speed_rate, yaw_pace
 from analysis.schema import build
 from analysis.settings import Settings
 
@@ -77,6 +77,24 @@ def test_turning_is_told_from_the_yaw_rate(speed, yaw_rate, expected):
 def test_a_yaw_acceleration_that_is_measured_is_used():
     found = classify(np.ones(100), yaw_rate_rad_s=np.full(100, 0.5), yaw_acc_rad_s2=np.ones(100))
     assert runs(found) == ["turning"]
+
+
+def test_a_derived_yaw_acceleration_as_noisy_as_a_gyroscope_makes_it_leaves_an_arc_whole():
+    generator = np.random.default_rng(1)
+    noisy = 0.03 * generator.normal(size=600)
+    found = classify(np.ones(600), yaw_rate_rad_s=np.full(600, 0.5), yaw_acc_rad_s2=noisy)[20:]
+    assert runs(found) == ["arc"]
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0], ids=["left", "right"])
+def test_a_turn_speeds_up_keeps_its_rate_and_slows_down(direction):
+    settings = Settings()
+    yaw_rate = direction * np.interp(np.arange(600), [100, 300, 400, 600], [0.0, 1.0, 1.0, 0.0])
+    changes = yaw_pace(yaw_rate, settings)
+    assert set(changes[20:100]) == {0.0}
+    assert set(changes[120:300]) == {1.0}
+    assert set(changes[320:400]) == {0.0}
+    assert set(changes[420:]) == {-1.0}
 
 
 def test_without_speed_or_its_rate_there_is_no_phase():

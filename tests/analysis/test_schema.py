@@ -41,6 +41,9 @@ UNIT_SUFFIXES = {
     "_kg": "kg",
     "_nat": "nat",
     "_N_s_m": "N·s/m",
+    "_N_m_s": "N·m·s",
+    "_kg_m": "kg·m",
+    "_kg_m2": "kg·m²",
     "_1": "1",
 }
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from estimators import pooled
+from estimators.student import student_factor
 
 
 def interleaved(n=600, seed=1):
@@ -38,7 +39,10 @@ def test_the_deviation_is_the_sandwich_over_the_segments_own_samples():
         scale = residual @ residual / (at.size - np.trace(bread @ B))
         expected = np.sqrt(scale * np.diag(bread @ B @ bread))
         white = np.sqrt(residual @ residual / (at.size - 2) * np.diag(bread))
-        np.testing.assert_allclose(traced.std[row], np.maximum(expected, white), rtol=1e-9)
+        widened = student_factor(at.size / (1.0 + 2.0 * (lags[1:] ** 2).sum()))
+        np.testing.assert_allclose(
+            traced.std[row], widened * np.maximum(expected, white), rtol=1e-9
+        )
 
 
 def test_a_segment_that_does_not_determine_its_parameters_is_nan_and_spoils_no_other():
@@ -50,3 +54,26 @@ def test_a_segment_that_does_not_determine_its_parameters_is_nan_and_spoils_no_o
     assert np.isnan(both.std[0]).all()
     np.testing.assert_allclose(both.theta[1], alone.theta[0], rtol=1e-12)
     np.testing.assert_allclose(both.std[1], alone.std[0], rtol=1e-9)
+
+
+def test_known_noise_of_the_columns_is_taken_off_and_half_of_that_is_uncertainty():
+    """Noise in a column draws its parameter towards zero; n σ² less in AᵀA undoes it."""
+    n, noise = 20_000, (0.3, 0.0)
+    generator = np.random.default_rng(5)
+    clean = generator.normal(size=(n, 2))
+    f = clean @ [100.0, 20.0] + generator.normal(size=n)
+    A = clean + noise * generator.normal(size=(n, 2))
+    one = np.zeros(n, np.int64)
+    ordinary = pooled.trace(A, f, one)
+    known = pooled.trace(A, f, one, pooled.PooledOptions(noise))
+    np.testing.assert_allclose(ordinary.theta[0, 0], 100.0 / 1.09, rtol=0.01)
+    np.testing.assert_allclose(known.theta[0], [100.0, 20.0], rtol=0.02)
+    change = known.theta[0] - ordinary.theta[0]
+    assert (known.std[0] >= np.abs(change) / 2).all()
+
+
+def test_noise_that_is_larger_than_the_columns_leaves_no_number():
+    A, f, segment_id = interleaved()
+    lost = pooled.trace(A, f, segment_id, pooled.PooledOptions((9.0, 9.0)))
+    assert np.isnan(lost.theta).all()
+    assert np.isnan(lost.std).all()

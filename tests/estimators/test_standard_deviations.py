@@ -5,10 +5,12 @@ A moving mean correlates the residuals over its length; the textbook formula doe
 
 import numpy as np
 import pytest
+from scipy.stats import norm, t
 
 from estimators import ls, pooled, rls
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.sandwich import deviations, meat
+from estimators.student import student_factor
 from estimators.window_mean import mean_estimate
 
 TRUTH = np.array([3614.0, 2891.0])
@@ -18,14 +20,14 @@ RUNS, SAMPLES, MEAN = 9, 320, 10
 def campaign(seed):
     """Nine full-throttle starts at 100 Hz, 200 N of force noise, all after a mean of 10 samples."""
     generator = np.random.default_rng(seed)
-    t = np.arange(SAMPLES + MEAN - 1) / 100.0
+    t_s = np.arange(SAMPLES + MEAN - 1) / 100.0
     kernel = np.ones(MEAN) / MEAN
     A, f = [], []
     for _ in range(RUNS):
-        a = (1.5 + 0.3 * generator.normal()) * np.exp(-t / 1.25)
-        v = 2.0 * (1.0 - np.exp(-t / 1.25))
+        a = (1.5 + 0.3 * generator.normal()) * np.exp(-t_s / 1.25)
+        v = 2.0 * (1.0 - np.exp(-t_s / 1.25))
         raw = np.column_stack([a, v])
-        force = raw @ TRUTH + 200.0 * generator.normal(size=t.size)
+        force = raw @ TRUTH + 200.0 * generator.normal(size=t_s.size)
         A.append(np.column_stack([np.convolve(x, kernel, "valid") for x in raw.T]))
         f.append(np.convolve(force, kernel, "valid"))
     return np.concatenate(A), np.concatenate(f), np.repeat(np.arange(RUNS), SAMPLES)
@@ -104,11 +106,23 @@ def test_a_mean_leaves_out_windows_without_an_estimate_and_is_nan_without_any():
     assert np.isnan(nothing).all()
 
 
-def test_without_correlation_the_sandwich_is_the_textbook_formula():
+@pytest.mark.parametrize("samples", [20, SAMPLES])
+def test_without_correlation_the_sandwich_is_the_textbooks_student_interval_over_1_96(samples):
     A, f, _ = campaign(3)
-    A, f = A[:SAMPLES], f[:SAMPLES]
+    A, f = A[:samples], f[:samples]
     one = ls.fit(A, f, autocorrelation=np.ones(1))
-    np.testing.assert_allclose(one.std, textbook(A, f, one.theta), rtol=1e-9)
+    student = t.ppf(0.975, samples) / norm.ppf(0.975)
+    np.testing.assert_allclose(one.std, student * textbook(A, f, one.theta), rtol=1e-4)
+
+
+@pytest.mark.parametrize("freedom", [3.0, 4.0, 7.5, 30.0, 1e6])
+def test_the_factor_of_few_degrees_of_freedom_is_students(freedom):
+    exact = t.ppf(0.975, freedom) / norm.ppf(0.975)
+    assert student_factor(freedom) == pytest.approx(exact, rel=0.005)
+
+
+def test_hardly_any_degree_of_freedom_counts_as_three():
+    assert student_factor(0.1) == student_factor(3.0)
 
 
 def test_the_middle_of_the_sandwich_is_the_regressor_around_the_correlation_matrix():
@@ -131,7 +145,7 @@ def test_fewer_samples_than_a_deviation_needs_give_nan():
 @pytest.mark.parametrize("seed", range(10))
 def test_white_residuals_keep_one_lag_effectively(seed):
     white = np.random.default_rng(seed).normal(size=3000)
-    correlation, variance = pooled_autocorrelation(white, np.repeat(np.arange(10), 300), 2)
+    correlation, variance = pooled_autocorrelation(white, np.repeat(np.arange(10), 300), None)
     assert correlation[0] == 1.0
     assert np.abs(correlation[1:]).sum() < 0.1
     assert variance == pytest.approx(1.0, abs=0.1)
@@ -141,7 +155,7 @@ def test_a_mean_of_ten_is_seen_as_the_triangle_that_it_is():
     white = np.random.default_rng(6).normal(size=30_009)
     smoothed = np.convolve(white, np.ones(10) / 10, "valid")
     group = np.repeat(np.arange(100), 300)
-    correlation, variance = pooled_autocorrelation(smoothed, group, 0)
+    correlation, variance = pooled_autocorrelation(smoothed, group, None)
     triangle = np.maximum(1 - np.arange(correlation.size) / 10, 0)
     np.testing.assert_allclose(correlation, triangle, atol=0.06)
     assert variance == pytest.approx(0.1, rel=0.05)
@@ -157,7 +171,8 @@ def test_a_mean_of_ten_is_seen_as_the_triangle_that_it_is():
     ids=["all zero", "fewer than the parameters", "none"],
 )
 def test_residuals_that_say_nothing_have_no_correlation(residual, group, variance):
-    correlation, found = pooled_autocorrelation(residual, group.astype(np.int64), 3)
+    A = np.ones((residual.size, 3))
+    correlation, found = pooled_autocorrelation(residual, group.astype(np.int64), A)
     np.testing.assert_array_equal(correlation, [1.0])
     np.testing.assert_array_equal(found, variance)
 
@@ -165,7 +180,7 @@ def test_residuals_that_say_nothing_have_no_correlation(residual, group, varianc
 def test_lags_never_join_two_groups():
     """Each group is constant and alternates in sign with the next: no lag may see both."""
     residual = np.repeat(np.tile([1.0, -1.0], 20), 50)
-    correlation, _ = pooled_autocorrelation(residual, np.repeat(np.arange(40), 50), 0)
+    correlation, _ = pooled_autocorrelation(residual, np.repeat(np.arange(40), 50), None)
     assert (correlation[: correlation.size // 2] == 1.0).all()
 
 

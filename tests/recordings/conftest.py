@@ -45,6 +45,7 @@ def straight_drives(
         "standstill",
     )
     noisy = {
+        "regressor_acc_y_m_s2": rng.normal(0, 0.02, t_s.size),
         "regressor_acc_x_m_s2": acc + rng.normal(0, 0.02, t_s.size),
         "acc_x_m_s2": acc + rng.normal(0, 0.03, t_s.size),
         "specific_force_x_m_s2": acc + 0.05 + rng.normal(0, 0.02, t_s.size),
@@ -88,9 +89,15 @@ def straight_drives(
             "predicted_std_x": 30.0 + 400.0 * (reason != "accepted"),
             "accepted_x": reason == "accepted",
             "reason_x": reason,
+            "corr_z_1": 0.3 * np.sin(t_s),
+            "mi_z_nat": 0.1 + 0.05 * np.sin(t_s),
+            "ksg_z_nat": 0.1 + 0.05 * np.cos(t_s),
+            "predicted_std_z": np.full(t_s.size, 40.0),
+            "accepted_z": np.zeros(t_s.size, bool),
+            "reason_z": ["translating"] * t_s.size,
         }
     ).with_columns(
-        pl.col("reason_x").cast(REASON),
+        pl.col("reason_x", "reason_z").cast(REASON),
         pl.when(pl.col("reason_x") != "warming_up").then(pl.col("^(corr|mi|ksg|pred).*$")),
     )
     frames = {
@@ -100,6 +107,7 @@ def straight_drives(
         "gate": conform("gate", gate),
         **{f"estimates/{m}": _estimates(m, gate, rng) for m in METHODS},
         "segments": _segments(duration_s, accepted, rng),
+        "planar": _planar(passed),
         "masses": _masses(rng, accepted, passed),
         "verdict": _verdict(passed),
     }
@@ -134,7 +142,12 @@ def _theta(rng: np.random.Generator, n: int, std: float) -> dict[str, np.ndarray
         "friction_x_std_N_s_m": np.full(n, std / 5),
         "coulomb_x_N": rng.normal(0, 10, n),
         "coulomb_x_std_N": np.full(n, 12.0),
+        "inertia_z_kg_m2": 4200 + rng.normal(0, std, n),
+        "inertia_z_std_kg_m2": np.full(n, std),
+        "friction_z_N_m_s": 1500 + rng.normal(0, std / 2, n),
+        "friction_z_std_N_m_s": np.full(n, std / 2),
         "residual_rms_N": rng.uniform(40, 80, n),
+        "residual_rms_N_m": rng.uniform(20, 40, n),
         "condition_1": rng.uniform(2, 9, n),
     }
 
@@ -147,6 +160,7 @@ def _estimates(method: str, gate: pl.DataFrame, rng: np.random.Generator) -> pl.
     theta = _theta(rng, rows.height, std)
     if method == "tls" and rows.height:
         theta["mass_kg"][:: max(rows.height // 10, 1)] = 2.5e6  # a few are wild
+    rows = rows.with_columns(axis=pl.lit("x"))
     return conform("estimates", rows.with_columns(**{k: pl.Series(v) for k, v in theta.items()}))
 
 
@@ -174,6 +188,33 @@ def _segments(duration_s: float, accepted: bool, rng: np.random.Generator) -> pl
     return conform("segments", frame)
 
 
+def _planar(passed: bool) -> pl.DataFrame:
+    """Two arcs, the fit of both, and the fit of all motion."""
+    told = dict.fromkeys(("com_y_m", "com_y_std_m"))
+    n = 4
+    numbers = {
+        column.name: [float(3 + i) if passed else None for i in range(n)]
+        for column in FRAMES["planar"].columns
+        if column.dtype.is_float()
+    }
+    rows = {
+        **numbers,
+        **{name: [None, None, None, 0.01 if passed else None] for name in told},
+        "com_x_m": [0.13 if passed else None] * n,
+        "com_x_std_m": [0.004 if passed else None] * n,
+        "kind": ["arc", "arc", "arcs", "joint"],
+        "start_t_ns": [5 * 10**9, 15 * 10**9, 5 * 10**9, 0],
+        "end_t_ns": [9 * 10**9, 19 * 10**9, 19 * 10**9, 50 * 10**9],
+        "samples": [400, 400, 800, 5000],
+        "rank": [1, 1, 1, 5],
+        "identifiable": ["first_moment_x_kg_m"] * n,
+        "combinations": ["", "", "", "mass_kg - 5 first_moment_y_kg_m"],
+        "withheld": [not passed] * n,
+        "reason": ["accepted"] * n,
+    }
+    return conform("planar", pl.DataFrame(rows))
+
+
 def _masses(rng: np.random.Generator, accepted: bool, passed: bool) -> pl.DataFrame:
     n = len(METHODS)
     theta = _theta(rng, n, 22.0)
@@ -184,11 +225,12 @@ def _masses(rng: np.random.Generator, accepted: bool, passed: bool) -> pl.DataFr
         "method": METHODS,
         **{k: v for k, v in theta.items() if k in known},
         "rows": [1200] * n,
+        "rows_z": [0] * n,
         "withheld": [not passed] * n,
+        "withheld_z": [not passed] * n,
     }
-    frame = pl.DataFrame(columns).with_columns(
-        pl.exclude("method", "rows", "withheld").cast(pl.Float64)
-    )
+    others = ("method", "rows", "rows_z", "withheld", "withheld_z")
+    frame = pl.DataFrame(columns).with_columns(pl.exclude(others).cast(pl.Float64))
     return conform("masses", frame.with_columns(payload_kg=pl.col("mass_kg") - 2850.0))
 
 
@@ -196,6 +238,7 @@ def _verdict(passed: bool) -> pl.DataFrame:
     frame = pl.DataFrame(
         {
             "check": ["partial_correlation", "relative_std", "acceleration_gain"],
+            "about": ["mass", "mass", "mass"],
             "value": [0.93 if passed else 0.12, 0.02 if passed else 0.8, None],
             "minimum": [0.5, None, 0.5],
             "maximum": [None, 0.25, 2.0],

@@ -85,6 +85,7 @@ def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):
         "Information index (nat)",
         "Gate and phase",
         "Mass (kg)",
+        "Yaw inertia (kg·m²)",
     ]
 
 

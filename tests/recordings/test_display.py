@@ -78,6 +78,8 @@ def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend
     assert labels == [
         "index of the window",
         "mutual information by nearest neighbours",
+        "index of the window, yaw",
+        "mutual information by nearest neighbours, yaw",
         "threshold 0.7 nat",
     ]
 
@@ -112,3 +114,16 @@ def test_a_few_wild_estimates_do_not_set_the_range_of_the_axis(drives):
 def test_numbers_that_are_all_alike_still_get_a_range_around_them():
     estimates = _estimates(0, 1).with_columns(mass_std_kg=pl.lit(None, pl.Float64))
     assert axis_range(_view("Mass"), _run(estimates__ls=estimates)) == (4.75, 5.25)
+
+
+def test_arcs_are_held_one_after_the_other_and_the_fits_that_span_them_are_left_to_the_text(drives):
+    held = display_frames(drives(60.0))["display/planar"]
+    assert held["t_ns"].to_list() == [5 * S, 9 * S, 9 * S + 1, 15 * S, 19 * S, 19 * S + 1]
+    assert held["com_x_m"].to_list() == [0.13, 0.13, None, 0.13, 0.13, None]
+
+
+def test_without_an_arc_the_fit_of_all_motion_is_held_over_its_span(drives):
+    run = drives(60.0)
+    joint = run.frames["planar"].filter(kind="joint")
+    held = display_frames(Run({**run.frames, "planar": joint}, run.provenance))["display/planar"]
+    assert held["t_ns"].to_list() == [0, 50 * S, 50 * S + 1]

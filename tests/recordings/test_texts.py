@@ -4,6 +4,7 @@ import polars as pl
 
 from analysis import Run
 from analysis.run import Loss
+from recordings.planar_text import planar_lines
 from recordings.texts import headline, number, plus_minus, recording_name, summary, texts
 
 
@@ -80,3 +81,48 @@ def test_numbers_are_short_and_a_value_ends_where_its_standard_deviation_does():
     assert plus_minus(3517.93, 24.86) == "3518 ± 25"
     assert plus_minus(1.23456, 0.0123) == "1.235 ± 0.012"
     assert plus_minus(3517.93, None) == "3518"
+
+
+def test_the_centre_of_mass_is_told_with_its_deviation_and_what_the_motion_determines(drives):
+    written = texts(drives(60.0))
+    line = "centre of mass from all motion together: 0.1300 ± 0.0040 m ahead of the origin"
+    assert line in written["answer"]
+    assert line in summary(drives(60.0))
+    assert "together only mass_kg - 5 first_moment_y_kg_m" in written["planar"]
+    assert "| arc | 5.00 – 9.00 |" in written["planar"]
+
+
+def test_a_centre_of_mass_behind_and_to_the_right_is_told_without_a_sign():
+    row = {"com_x_m": -0.2, "com_x_std_m": 0.01, "com_y_m": -0.05, "com_y_std_m": 0.01}
+    told = planar_lines([{"kind": "joint", "withheld": False, **row}])
+    where = "0.200 ± 0.010 m behind the origin, 0.050 ± 0.010 m to its right"
+    assert told == [f"centre of mass from all motion together: {where}"]
+
+
+def test_a_withheld_centre_of_mass_has_no_number(drives):
+    written = texts(drives(60.0, passed=False))
+    assert "centre of mass from all motion together: withheld" in written["answer"]
+    assert "0.13" not in written["planar"]
+
+
+def test_a_failed_check_of_the_inertia_withholds_the_inertia_and_not_the_mass(drives):
+    run = drives(60.0)
+    spin = (
+        run.frames["verdict"]
+        .head(1)
+        .with_columns(
+            check=pl.lit("spin_partial_correlation"), about=pl.lit("inertia"), passed=pl.lit(False)
+        )
+    )
+    judged = pl.concat([run.frames["verdict"], spin])
+    failing = Run({**run.frames, "verdict": judged}, run.provenance)
+    assert headline(failing) == headline(run)
+    assert "**The yaw inertia is withheld**" in texts(failing)["answer"]
+    assert "**The yaw inertia is withheld**" not in texts(run)["answer"]
+
+
+def test_a_run_that_does_not_turn_has_no_page_about_its_centre_of_mass(drives):
+    run = drives(60.0)
+    straight = Run({**run.frames, "planar": run.frames["planar"].clear()}, run.provenance)
+    assert "planar" not in texts(straight)
+    assert "centre of mass" not in summary(straight)

@@ -5,11 +5,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
 from recordings import read_recording
 from replay.commands.replaying import print_answer
+from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
 from tests.replay.sledge import Payscope, one_line, sledge
 
 
@@ -71,10 +73,9 @@ class TestRun:
             "friction_x_N_s_m": {"pooled": None},
             "friction_x_std_N_s_m": {"pooled": None},
         }
-        said = {"losses": [], "notes": [], "accepted_share": 0.1, "recording": None}
-        print_answer(
-            {**numbers, **said, "verdict": {"can_weigh": True, "checks": []}}, as_json=False
-        )
+        said = {"losses": [], "notes": [], "planar": [], "accepted_share": 0.1, "recording": None}
+        judged = {"can_weigh": True, "tells_inertia": False, "checks": []}
+        print_answer({**numbers, **said, "verdict": judged}, as_json=False)
         assert "120.00  " in capsys.readouterr().out
 
     def test_timing_splits_the_seconds_by_stage(
@@ -118,3 +119,65 @@ def test_the_installed_command_answers(tmp_path: Path) -> None:
     )
     assert left.returncode == 2
     assert left.stderr.count("\n") == 1
+
+
+class TestTurns:
+    """A log with spins and arcs: inertia and centre of mass beside the mass."""
+
+    LOADER = (
+        """
+[machine]
+name = "loader"
+empty_mass_kg = 3614.0
+[log]
+time = "time_s"
+"""
+        + "".join(f'[channels.{name}]\nfield = "{name}"\n' for name in NOISE)
+        + """
+[channels.yaw_acc_rad_s2]
+derive = "d/dt yaw_rate_rad_s"
+[settings]
+methods = ["pooled"]
+"""
+    )
+
+    @pytest.fixture
+    def loader(self, tmp_path: Path) -> Path:
+        path = tmp_path / "loader.toml"
+        path.write_text(self.LOADER)
+        return path
+
+    def table(
+        self, path: Path, drive: list[tuple[np.ndarray, np.ndarray]], **changes: pl.Expr
+    ) -> Path:
+        said = sensors(drive).with_columns(time_s=pl.col("unix_ns") / 1e9, **changes)
+        said.drop("unix_ns").write_csv(path)
+        return path
+
+    def test_inertia_and_centre_of_mass_are_printed_and_recorded(
+        self, payscope: Payscope, loader: Path, tmp_path: Path
+    ) -> None:
+        log = self.table(tmp_path / "turns.csv", starts() + spins() + arcs())
+        recording = tmp_path / "turns.rrd"
+        said = payscope("run", log, "-m", loader, "-o", recording)
+        assert said.status == 0
+        assert "yaw inertia kg·m²" in said.out
+        assert "m ahead of the origin" in said.out
+        assert "m to its right" in said.out
+        answer = json.loads(payscope("run", log, "-m", loader, "--json").out)
+        assert answer["inertia_z_kg_m2"]["pooled"] == pytest.approx(4200.0, rel=0.02)
+        assert answer["verdict"]["tells_inertia"] is True
+        assert answer["planar"][-1]["kind"] == "joint"
+        shown = json.loads(payscope("show", recording, "planar", "--format", "json").out)
+        assert shown == answer["planar"]
+
+    def test_spins_that_fail_withhold_the_inertia_and_leave_exit_status_and_mass(
+        self, payscope: Payscope, loader: Path, tmp_path: Path
+    ) -> None:
+        unsigned = {"torque_z_N_m": pl.col("torque_z_N_m").abs()}
+        log = self.table(tmp_path / "unsigned.csv", starts() + spins(), **unsigned)
+        said = payscope("run", log, "-m", loader)
+        assert said.status == 0
+        assert "yaw inertia" not in said.out
+        assert "every check of the mass passed" in said.out
+        assert "The spins tell no inertia: it is withheld." in said.out

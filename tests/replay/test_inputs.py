@@ -7,7 +7,7 @@ import pytest
 from mcap.reader import make_reader
 
 from estimators.errors import LogError
-from replay import load_machine, open_log
+from replay import load_machine, open_log, run
 from replay.inputs import read_channels
 from tests.replay.readers.written_logs import Joints, write_mcap
 from tests.replay.sledge import sledge
@@ -99,3 +99,19 @@ def test_a_joint_that_no_message_has_is_answered_with_the_nearest(
         pytest.raises(LogError, match=r"no 'lef' .* did you mean 'left'\?"),
     ):
         read_channels([log], machine)
+
+
+def test_a_hint_whose_topic_is_missing_or_empty_is_a_loss_and_stops_nothing(
+    machine_file: Path, tmp_path: Path
+) -> None:
+    sledge().write_csv(tmp_path / "shift.csv")
+    plain = load_machine(machine_file)
+    hint = plain.channels["force_x_N"].model_copy(update={"topic": "/gps", "field": "latitude"})
+    hinted = plain.model_copy(update={"channels": {**plain.channels, "latitude_deg": hint}})
+    result = run(open_log(tmp_path / "shift.csv"), hinted)
+    assert [str(loss) for loss in result.provenance.losses] == [
+        "shift.csv: no topic '/gps'; known: table "
+        "Set channels.latitude_deg.topic in the machine file."
+    ]
+    without = run(open_log(tmp_path / "shift.csv"), plain)
+    assert result.frames["masses"].equals(without.frames["masses"])

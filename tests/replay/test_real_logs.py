@@ -55,6 +55,41 @@ class TestLinearAxis:
         assert found["friction_x_N_s_m"] == pytest.approx(REFERENCE_N_S_M, rel=0.05)
         assert found["coulomb_x_N"] == pytest.approx(20.4, abs=1.5)
 
+    @pytest.mark.parametrize("window", [100, 200], ids=["1 s", "2 s"])
+    def test_with_the_file_as_shipped_windows_with_braking_are_within_six_percent_of_the_reference(
+        self, shared_data: Path, window: int
+    ) -> None:
+        """The machine file's settings were fixed before; the window alone is asked for here."""
+        replayed = replay(
+            shared_data / "logs/linear_axis.csv",
+            "linear_axis.toml",
+            [
+                f"settings.window_samples={window}",
+                'settings.methods=["ls","rls","fgls","tls","huber","rtls"]',
+            ],
+        )
+        for method in ("ls", "rls", "fgls", "tls", "huber", "rtls"):
+            masses = replayed.frames[f"estimates/{method}"]["mass_kg"].drop_nulls()
+            assert masses.len() > 1000
+            relative = [masses.quantile(q) / REFERENCE_KG - 1.0 for q in (0.1, 0.9)]
+            assert max(map(abs, relative)) < 0.06, method
+
+    @pytest.mark.parametrize("coulomb", ["true", "false"])
+    @pytest.mark.parametrize("window", [100, 200, 320])
+    def test_the_95_percent_interval_of_the_pooled_mass_contains_the_reference(
+        self, shared_data: Path, window: int, coulomb: str
+    ) -> None:
+        found = pooled(
+            replay(
+                shared_data / "logs/linear_axis.csv",
+                "linear_axis.toml",
+                [f"settings.window_samples={window}", f"settings.coulomb={coulomb}"],
+            )
+        )
+        half = 1.96 * found["mass_std_kg"]
+        assert abs(found["mass_kg"] - REFERENCE_KG) < half
+        assert half < 0.04 * found["mass_kg"]
+
     def test_a_stricter_gate_chooses_some_windows_and_keeps_the_mass(
         self, shared_data: Path
     ) -> None:
@@ -122,6 +157,35 @@ class TestHusky:
         assert {"opposing_share", "partial_correlation", "r_squared", "relative_std"} <= failed
         assert refused.frames["masses"]["mass_kg"].null_count() == 5
         assert refused.frames["masses"]["withheld"].all()
+
+    @pytest.mark.parametrize(
+        "loose",
+        [
+            pytest.param((), id="as shipped"),
+            pytest.param(
+                (
+                    "settings.standstill_speed_m_s=0.3",
+                    "settings.window_samples=100",
+                    "settings.threshold_nat=0",
+                ),
+                id="creeping turns taken as spins and the gate wide open",
+            ),
+        ],
+    )
+    def test_turns_with_unsigned_currents_tell_no_inertia_and_no_centre_of_mass(
+        self, shared_data: Path, loose: tuple[str, ...]
+    ) -> None:
+        turns = 'channels.yaw_acc_rad_s2.derive="d/dt yaw_rate_rad_s"'
+        log = shared_data / "logs/husky_asphalt.bag"
+        refused = replay(log, "husky_imu.toml", (turns, *loose))
+        assert refused.frames["gate"]["accepted_z"].any() == bool(loose)
+        assert refused.frames["masses"]["inertia_z_kg_m2"].null_count() == 5
+        assert refused.frames["masses"]["withheld_z"].all()
+        planar = refused.frames["planar"]
+        assert planar.height
+        assert planar["withheld"].all()
+        assert planar["com_x_m"].null_count() == planar.height
+        assert answer(refused)["verdict"]["tells_inertia"] is False
 
     def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
         self, shared_data: Path

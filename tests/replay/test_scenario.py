@@ -9,6 +9,7 @@ from analysis.simulation import Scenario
 from estimators.errors import ScenarioError
 from replay.scenario import load_scenario
 
+MANOEUVRE = "[[campaign.manoeuvres]]\n"
 EXAMPLE = Path(__file__).parents[2] / "examples" / "campaign.toml"
 
 
@@ -54,6 +55,21 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
         ("machine = 3", "machine: input should be a table, not 3"),
         ("[terrain]\nslope_deg = 15", "campaign.throttle_force_N: reaches 6000 N"),
         ("[machine]\na = 1\nb = 2", "(and 1 more)"),
+        (MANOEUVRE + "kind = 'spinn'", "0: unknown 'kind' 'spinn'; did you mean 'spin'?"),
+        (MANOEUVRE + "start_s = 3", "campaign.manoeuvres.0: 'kind' is missing"),
+        (
+            MANOEUVRE + "kind = 'rest'\nduration = 3",
+            "unknown key 'campaign.manoeuvres.0.duration'; did you mean 'duration_s'?",
+        ),
+        (
+            MANOEUVRE + "kind = 'excite'\nforce = {period = 3}",
+            "unknown key 'campaign.manoeuvres.0.force.period'; did you mean 'period_s'?",
+        ),
+        (
+            MANOEUVRE + "kind = 'excite'\nforce = {waveform = 'square'}",
+            "campaign.manoeuvres.0.force.waveform: input should be 'triangular', 'sinusoidal' or",
+        ),
+        ("[campaign]\nmanoeuvres = [3]", "campaign.manoeuvres.0: input should be a table, not 3"),
         ('["a\\nb"]', "unknown key 'a b'"),
         (f"[sensors]\nseed = {'9' * 5000}", "is no TOML"),
         ("[machine\n", "is no TOML"),

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.simulation import Scenario
-from analysis.simulation.motion import solve_run
+from analysis.simulation import Scenario, solve_motion
 
 G = 9.80665
 
@@ -16,7 +15,7 @@ def scenario(**sections):
 
 
 def sampled(made, load_kg=0.0, rate_hz=100.0):
-    motion = solve_run(made, load_kg)
+    motion = solve_motion(made, load_kg)
     time = np.arange(0.0, motion.duration_s + 1.0, 1 / rate_hz)
     return time, motion.sample(time)
 
@@ -78,7 +77,7 @@ def test_a_long_start_ends_at_the_speed_where_friction_and_slope_take_the_thrott
         campaign={"start_s": 200.0, "valve_lag_s": lag, "loads_kg": [load]},
         terrain={"slope_deg": slope},
     )
-    motion = solve_run(made, load)
+    motion = solve_motion(made, load)
     end = made.campaign.standstill_s + 200.0
     run = motion.sample(np.array([end - 1e-6]))
     resistance = coulomb + (3614.0 + load) * G * np.sin(np.radians(slope))
@@ -147,7 +146,7 @@ def test_the_torque_sensors_see_their_share_of_the_braking_force(share):
 def test_brakes_hold_the_standing_machine_on_a_slope(slope):
     made = scenario(terrain={"slope_deg": slope}, campaign={"braking_m_s2": 3.0})
     time, run = sampled(made)
-    standing = (time < 5.0) | (time > solve_run(made, 0.0).duration_s)
+    standing = (time < 5.0) | (time > solve_motion(made, 0.0).duration_s)
     assert not run.speed_x_m_s[standing].any()
     assert not run.acc_x_m_s2[standing].any()
     gravity = 3614.0 * G * np.sin(np.radians(slope))

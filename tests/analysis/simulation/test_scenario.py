@@ -36,3 +36,55 @@ def test_the_defaults_are_the_papers_campaign():
 def test_what_cannot_be_simulated_is_refused_with_the_reason(sections, what):
     with pytest.raises(ValidationError, match=what):
         Scenario.model_validate(sections)
+
+
+def excite(**waves):
+    return {"campaign": {"manoeuvres": [{"kind": "rest"}, {"kind": "excite", **waves}]}}
+
+
+@pytest.mark.parametrize(
+    ("sections", "what"),
+    [
+        (excite(), "needs 'force', 'torque' or both"),
+        (excite(force={"highest_N": 6100.0}), "manoeuvres.1: asks for 3050 N on one side"),
+        (
+            excite(force={"highest_N": 4000.0}, torque={"highest_N_m": 2000.0}),
+            "asks for 3333 N on one side, more than full throttle gives, 3000 N",
+        ),
+        (
+            {"campaign": {"manoeuvres": [{"kind": "arc", "speed_m_s": 3, "yaw_rate_rad_s": 0.2}]}},
+            "manoeuvres.0: asks for",
+        ),
+        (
+            {
+                "machine": {"coulomb_z_N_m": 5000.0},
+                "campaign": {"manoeuvres": [{"kind": "spin"}]},
+            },
+            "reaches 4500 N·m in start_s",
+        ),
+        (
+            {
+                "machine": {"friction_z_N_m_s": 1.0, "inertia_z_kg_m2": 700.0},
+                "campaign": {"manoeuvres": [{"kind": "spin"}]},
+            },
+            "turns faster than 10 rad/s",
+        ),
+        (
+            {
+                "terrain": {"slope_deg": -8.0},
+                "campaign": {
+                    "manoeuvres": [{"kind": "start", "direction": "reverse", "throttle": 0.8}]
+                },
+            },
+            "manoeuvres.0: reaches 4800 N in campaign.manoeuvres.0.start_s, but slope",
+        ),
+        ({"machine": {"com_x_m": 2.0}}, "is about the origin"),
+        ({"campaign": {"manoeuvres": [{"kind": "dance"}]}}, "dance"),
+        ({"campaign": {"manoeuvres": [{"duration_s": 3}]}}, "kind"),
+    ],
+)
+def test_a_manoeuvre_that_cannot_be_driven_is_refused_with_its_number_and_the_reason(
+    sections, what
+):
+    with pytest.raises(ValidationError, match=what):
+        Scenario.model_validate(sections)

@@ -1,0 +1,195 @@
+"""The centre of mass from arcs (stage 3), and every parameter that motion in the plane determines.
+
+An arc holds v and ω constant, so the index (11) is undefined there: its gate is the phase `arc` for
+a window and the predicted deviation of the centre of mass. One arc determines nothing by itself;
+mass, inertia and friction come from straight motion and spins of the same log.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis import checks
+from analysis.masses import pooled_over_log
+from analysis.plane import Plane, plane_noise, plane_of
+from analysis.regressor import X, Z
+from analysis.schema import FRAMES, build
+from analysis.segments import manoeuvres
+from analysis.settings import Settings
+from analysis.verdict import can_weigh, contradicted, tells_inertia
+from estimators import base_parameters
+from estimators.base_parameters import BaseEstimate
+from estimators.planar import PARAMETERS
+from estimators.trace import Bools, Ints
+
+Known = Mapping[str, tuple[float, float]]
+
+_MOMENTS: Final = ("first_moment_x_kg_m", "first_moment_y_kg_m")
+#: Columns of value and deviation of every parameter.
+_COLUMNS: Final = {
+    **dict((*X.parameters, *Z.parameters)),
+    **{name: name.replace("_kg_m", "_std_kg_m") for name in _MOMENTS},
+}
+_COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
+
+
+def planar(
+    excitation: pl.DataFrame, gated: pl.DataFrame, judged: pl.DataFrame, settings: Settings
+) -> pl.DataFrame:
+    """Make `planar`: a row an arc, one for all arcs together, and one for all motion together.
+
+    Args:
+        excitation: motion, forces and phases.
+        gated: which windows are accepted, for what straight motion and spins tell.
+        judged: the verdict; what it forbids is not used and not told.
+        settings: what is refused, limits, noise.
+
+    Returns:
+        `planar`, without rows where the machine does not turn. What the motion does not determine
+        is null, and `combinations` says what it determines instead.
+    """
+    plane = plane_of(excitation, settings)
+    rows = list(_arcs(plane, excitation, gated, judged, settings))
+    joint = _joint(plane, judged, settings)
+    rows += [joint] if joint else []
+    declared = FRAMES["planar"].columns
+    table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
+    return build("planar", table.to_dict())
+
+
+def _arcs(
+    plane: Plane,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    judged: pl.DataFrame,
+    settings: Settings,
+) -> Iterator[dict[str, Any]]:
+    """Each arc that lasts a window, and all of them as one fit."""
+    steady = plane.usable & (excitation["phase"] == "arc").fill_null(False).to_numpy()
+    arc_id = np.where(steady, manoeuvres(excitation, settings), -1)
+    ids, counts = np.unique(arc_id[steady], return_counts=True)
+    ids = ids[counts >= settings.window_samples]
+    if not ids.size:
+        return
+    known: dict[str, tuple[float, float]] = {}
+    for axis, told in ((X, can_weigh(judged)), (Z, tells_inertia(judged))):
+        if told:
+            theta, std = pooled_over_log(axis, excitation, gated, settings)
+            names = [name for name, _ in axis.parameters if name in PARAMETERS]
+            known |= {
+                name: (float(value), float(deviation))
+                for name, value, deviation in zip(names, theta, std, strict=False)
+                if np.isfinite(deviation)
+            }
+    # a yaw torque counts once spins have vouched for it
+    both = "friction_z_N_m_s" in known
+    groups = [("arc", np.array([number])) for number in ids]
+    groups += [("arcs", ids)] if ids.size > 1 else []
+    for kind, members in groups:
+        used = np.isin(arc_id, members)
+        estimate = _fit(plane, np.where(used, arc_id, -1), known, settings, both=both)
+        row = _row(kind, plane, used, estimate, known)
+        reason = "accepted"
+        if not np.isfinite(row["com_x_m"]):
+            reason = "ill_conditioned"
+        elif not row["predicted_std_com_m"] <= settings.threshold_std_com_m:
+            reason = "low_information"
+        yield _told(row, reason, withheld=not can_weigh(judged))
+
+
+def _joint(plane: Plane, judged: pl.DataFrame, settings: Settings) -> dict[str, Any] | None:
+    """One fit over all motion, where there is turning enough and a yaw torque; else None."""
+    used = plane.usable & plane.moving
+    if not plane.has_torque or (used & plane.turning).sum() < settings.window_samples:
+        return None
+    estimate = _fit(plane, np.where(used, 0, -1), {}, settings, both=True)
+    row = _row("joint", plane, used, estimate, {})
+    unexplained = estimate.residual_rms**2 / np.var(plane.f[used], axis=0)
+    row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
+    believed = _believable(plane, estimate, row, settings) and not contradicted(judged)
+    reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
+    return _told(row, reason, withheld=not believed)
+
+
+def _believable(
+    plane: Plane, estimate: BaseEstimate, row: Mapping[str, Any], settings: Settings
+) -> bool:
+    """Whether the joint fit passes, on its own ungated samples, what straight motion must pass."""
+    limits = settings.verdict
+    explained = min(row["r_squared_x_1"], row["r_squared_z_1"])
+    # of a mass and an inertia; those that the motion does not determine are not told anyway
+    told = np.isfinite(estimate.theta[:2])
+    theta, std = estimate.theta[:2][told], estimate.std[:2][told]
+    force = plane.f[:, 0]
+    driving = checks.along_share(plane.speed, force, plane.known & (plane.pace > 0))
+    opposing = 1.0 - checks.along_share(plane.speed, force, plane.known & (plane.pace < 0))
+    return (
+        explained >= limits.r_squared_min
+        and bool((theta > 0.0).all() and (std <= limits.relative_std_max * theta).all())
+        and not driving < limits.driving_share_min
+        and not opposing < limits.opposing_share_min
+    )
+
+
+def _fit(
+    plane: Plane, segment_id: Ints, known: Known, settings: Settings, *, both: bool
+) -> BaseEstimate:
+    """Fit the samples of segment_id >= 0; without `both`, the row of the force alone."""
+    used = np.flatnonzero(segment_id >= 0)
+    part = slice(int(used[0]), int(used[-1]) + 1)
+    A, f, segment_id = plane.A[part], plane.f[part], segment_id[part]
+    rows = 2 if both else 1
+    return base_parameters.fit(
+        A[:, :rows],
+        f[:, :rows],
+        PARAMETERS,
+        segment_id,
+        known,
+        plane_noise(A[segment_id >= 0], settings),
+    )
+
+
+def _row(
+    kind: str, plane: Plane, used: Bools, estimate: BaseEstimate, known: Known
+) -> dict[str, Any]:
+    """What a fit says, by column."""
+    found = estimate.identifiability
+    t_ns = plane.t_ns[used]
+    row: dict[str, Any] = {
+        "kind": kind,
+        "start_t_ns": int(t_ns[0]),
+        "end_t_ns": int(t_ns[-1]),
+        "samples": int(t_ns.size),
+        "speed_x_m_s": float(plane.speed[used].mean()),
+        "yaw_rate_rad_s": float(plane.yaw_rate[used].mean()),
+        "condition_1": found.condition,
+        "rank": found.rank,
+        "identifiable": ", ".join(
+            name
+            for name, single in zip(found.parameters, found.identifiable, strict=True)
+            if single
+        ),
+        "combinations": "; ".join(found.texts()),
+    }
+    for name, value, std in zip(PARAMETERS, estimate.theta, estimate.std, strict=True):
+        if name not in known:
+            row[name], row[_COLUMNS[name]] = float(value), float(std)
+    for axis, moment in zip("xy", _MOMENTS, strict=True):
+        row[f"com_{axis}_m"], row[f"com_{axis}_std_m"] = estimate.quotient(moment, "mass_kg")
+    row["predicted_std_com_m"] = row["com_x_std_m"]
+    for name, rms in zip(
+        ("residual_rms_N", "residual_rms_N_m"), estimate.residual_rms, strict=False
+    ):
+        row[name] = float(rms)
+    return row
+
+
+def _told(row: dict[str, Any], reason: str, *, withheld: bool) -> dict[str, Any]:
+    """The row with its outcome: no number of a fit that is refused or withheld."""
+    row = {**row, "reason": reason, "withheld": withheld}
+    if withheld or reason != "accepted":
+        hidden = {*_COLUMNS, *_COLUMNS.values(), *_COM}
+        row = {name: None if name in hidden else value for name, value in row.items()}
+    return row

@@ -1,0 +1,123 @@
+"""The regressor of all motion in the plane, and which samples of a log may go into it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.gate import braking_within_sight
+from analysis.phases import pace, yaw_pace
+from analysis.regressor import Z, axes
+from analysis.schema import values
+from analysis.settings import Settings
+from estimators import planar
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_TURNS = ("spinning", "arc", "turning")
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """A log's motion in the plane.
+
+    Attributes:
+        t_ns: (n,) time of each sample.
+        A: (n, 2, 6) `planar.regressor`, NaN where a sample is missing.
+        f: (n, 2) force and yaw torque.
+        known: (n,) nothing is missing.
+        usable: (n,) nothing is missing, and nothing brakes (unless braking counts as driving).
+        moving: (n,) the machine does not stand.
+        turning: (n,) it spins, drives an arc or turns.
+        pace: (n,) 1 where it speeds up, -1 where it slows down, 0 where neither.
+        has_torque: whether there is a yaw torque with a yaw acceleration; without, the second row
+            says nothing.
+    """
+
+    t_ns: NDArray[np.int64]
+    A: Floats
+    f: Floats
+    known: Bools
+    usable: Bools
+    moving: Bools
+    turning: Bools
+    pace: Floats
+    has_torque: bool
+
+    @property
+    def speed(self) -> Floats:
+        """(n,) v in m/s."""
+        return self.A[:, 0, planar.PARAMETERS.index("friction_x_N_s_m")]
+
+    @property
+    def yaw_rate(self) -> Floats:
+        """(n,) ω in rad/s."""
+        return self.A[:, 1, planar.PARAMETERS.index("friction_z_N_m_s")]
+
+
+def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
+    """Collect what the planar fits need."""
+    n, has_torque = excitation.height, Z in axes(excitation)
+    phase = excitation["phase"]
+    speed = values(excitation, "speed_x_m_s")
+    yaw_rate = values(excitation, "yaw_rate_rad_s")
+    zero = np.zeros(n)
+    A = planar.regressor(
+        values(excitation, "regressor_acc_x_m_s2"),
+        values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
+        speed,
+        yaw_rate,
+        # in a steady arc it is none
+        values(excitation, "yaw_acc_rad_s2") if has_torque else zero,
+    )
+    torque = values(excitation, "torque_z_N_m") if has_torque else zero
+    f = np.column_stack([values(excitation, "force_x_N"), torque])
+    known = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(f).all(axis=1)
+    known &= phase.is_not_null().to_numpy()
+    turning = phase.is_in(_TURNS).fill_null(False).to_numpy()
+    rate = values(excitation, "speed_rate_x_m_s2")
+    along = pace(speed, rate, settings.steady_acc_m_s2, settings)
+    # the yaw rate of straight driving is not steered
+    about = np.where(turning, yaw_pace(yaw_rate, settings), 0.0)
+    slows = (along < 0) | (about < 0)
+    usable = known
+    if settings.exclude_braking:
+        usable = known & ~braking_within_sight(slows, settings)
+    return Plane(
+        t_ns=excitation["t_ns"].to_numpy(),
+        A=A,
+        f=f,
+        known=known,
+        usable=usable,
+        moving=(phase != "standstill").fill_null(False).to_numpy(),
+        turning=turning,
+        pace=along,
+        has_torque=has_torque,
+    )
+
+
+def plane_noise(A: Floats, settings: Settings) -> Floats:
+    """What the settings' noise is in each column, (6,), after the moving mean.
+
+    Args:
+        A: (n, 2, 6) samples without NaN.
+        settings: noise of the channels, samples of the mean.
+    """
+    yaw_rate = A[:, 1, planar.PARAMETERS.index("friction_z_N_m_s")]
+    speed = A[:, 0, planar.PARAMETERS.index("friction_x_N_s_m")]
+    # of ω v, or of an accelerometer, whichever is more
+    sideways = np.hypot(
+        float(np.sqrt(np.mean(speed**2))) * settings.tls_noise_yaw_rate_rad_s,
+        float(np.sqrt(np.mean(yaw_rate**2))) * settings.tls_noise_speed_m_s,
+    )
+    mean = np.sqrt(settings.smooth_samples)
+    return planar.column_noise(
+        A,
+        settings.tls_noise_acc_m_s2 / mean,
+        max(settings.tls_noise_acc_m_s2, float(sideways)) / mean,
+        settings.tls_noise_speed_m_s / mean,
+        settings.tls_noise_yaw_rate_rad_s / mean,
+        settings.tls_noise_yaw_acc_rad_s2 / mean,
+    )

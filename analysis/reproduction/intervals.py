@@ -1,0 +1,68 @@
+"""95 % intervals: of means over independent trials, and of root mean squares by bootstrap."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+CONFIDENCE: Final = 0.95
+_RESAMPLES: Final = 1000
+
+
+def mean_intervals(trials: pl.DataFrame, by: Sequence[str], values: Sequence[str]) -> pl.DataFrame:
+    """Means over trials with Student's interval.
+
+    Args:
+        trials: a row a trial and group.
+        by: what makes a group.
+        values: the columns to average; null where a trial has none.
+
+    Returns:
+        A row a group in its order of appearance: `by`, `trials` (rows), and of each value its
+        mean under the same name with `{value}_low` and `{value}_high`, null below two trials.
+    """
+    from scipy.stats import t
+
+    by, values = list(by), list(values)
+    means = trials.group_by(by, maintain_order=True).agg(
+        pl.len().alias("trials"),
+        *(pl.col(name).mean() for name in values),
+        *(pl.col(name).std().alias(f"{name}_std") for name in values),
+        *(pl.col(name).count().alias(f"{name}_count") for name in values),
+    )
+    columns = [means[name] for name in (*by, "trials")]
+    for name in values:
+        count = means[f"{name}_count"].to_numpy().astype(float)
+        std = means[f"{name}_std"].cast(pl.Float64).fill_null(np.nan).to_numpy()
+        # below two trials there is no spread, and no quantile
+        quantile = t.ppf((1.0 + CONFIDENCE) / 2.0, np.where(count > 1, count - 1.0, np.nan))
+        half = pl.Series(quantile * std / np.sqrt(np.maximum(count, 1.0))).fill_nan(None)
+        mean = means[name].cast(pl.Float64)
+        columns += [mean, (mean - half).alias(f"{name}_low"), (mean + half).alias(f"{name}_high")]
+    return pl.DataFrame(columns)
+
+
+def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Root mean square of independent errors with its percentile bootstrap interval.
+
+    The errors need not share one variance: windows that start at different phases do not.
+
+    Args:
+        errors: (trials,), NaN where a trial gave none.
+        rng: draws the resamples.
+
+    Returns:
+        R.m.s., low, high; NaN where there is no error.
+    """
+    squares = errors[np.isfinite(errors)] ** 2
+    n = squares.size
+    if n == 0:
+        return np.nan, np.nan, np.nan
+    roots = np.sqrt([squares[rng.integers(n, size=n)].mean() for _ in range(_RESAMPLES)])
+    tail = (1.0 - CONFIDENCE) / 2.0
+    low, high = np.quantile(roots, [tail, 1.0 - tail])
+    return float(np.sqrt(squares.mean())), float(low), float(high)

@@ -1,0 +1,48 @@
+"""A torque chain that would explain Table 2: sensors on the front wheels, a gain and an offset.
+
+Noise flattens no line to a slope of 0.14: (19) is fitted on means, and simulated noise leaves it at
+1. But a load in the bucket sits ahead of the front axle and unloads the rear, so that the front
+wheels, if they carry the drive force as they carry weight, gain more than the load; (17) knows no
+such share. With a conditioning gain and an offset beside it (section 4.3 suspects both) Table 2
+comes out. That is plausible, not proven: the paper gives none of the four numbers.
+"""
+
+from dataclasses import dataclass, replace
+
+import polars as pl
+
+from analysis.simulation import SimulatedLog
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueChain:
+    """What lies between the drive force and the torque that is recorded; all assumed.
+
+    Attributes:
+        empty_share_1: share of the empty machine's weight on the front axle.
+        load_lever_1: how far ahead of the rear axle the load sits, in wheelbases.
+        gain_1: of the signal conditioning.
+        offset_N: of it, as the force that (17) makes of both torques.
+    """
+
+    empty_share_1: float = 0.39
+    load_lever_1: float = 2.55
+    gain_1: float = 2.9
+    offset_N: float = -3500.0
+
+    def front_share(self, empty_kg: float, load_kg: float) -> float:
+        """Share of the weight on the front axle with a load in the bucket."""
+        front_kg = self.empty_share_1 * empty_kg + self.load_lever_1 * load_kg
+        return front_kg / (empty_kg + load_kg)
+
+
+def through(simulated: SimulatedLog, chain: TorqueChain) -> SimulatedLog:
+    """The log with its torques as this chain would record them, their noise along with them."""
+    machine = simulated.scenario.machine
+    share = chain.front_share(machine.mass_kg, simulated.load_kg)
+    factor = chain.gain_1 * share / machine.force_share
+    offset_N_m = chain.offset_N * machine.wheel_radius_m / 2.0
+    torque = simulated.topics["torque"].with_columns(
+        pl.col("torque_left_N_m", "torque_right_N_m") * factor + offset_N_m
+    )
+    return replace(simulated, topics={**simulated.topics, "torque": torque})

@@ -1,0 +1,80 @@
+"""What the machine can be told to do, one after the other; each begins and ends standing."""
+
+from typing import Annotated, Literal, Self, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from analysis.simulation.waveforms import ForceWave, TorqueWave
+
+
+class _Manoeuvre(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Rest(_Manoeuvre):
+    """Stand, held by the brakes."""
+
+    kind: Literal["rest"] = "rest"
+    duration_s: float = Field(default=5.0, ge=0, le=3600, description="how long it stands")
+
+
+class Start(_Manoeuvre):
+    """Straight ahead or back: throttle, cruise, brake to a stop. The heading is kept."""
+
+    kind: Literal["start"] = "start"
+    direction: Literal["forward", "reverse"] = Field(
+        default="forward", description="forward or reverse"
+    )
+    throttle: float = Field(default=1.0, gt=0, le=1, description="share of the full throttle")
+    start_s: float = Field(default=3.0, ge=0.001, le=600, description="throttle open")
+    cruise_s: float = Field(
+        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the speed"
+    )
+
+
+class Spin(_Manoeuvre):
+    """Turn on the spot: throttle, hold the rate, brake. The origin stays where it is."""
+
+    kind: Literal["spin"] = "spin"
+    direction: Literal["left", "right"] = Field(default="left", description="left or right")
+    throttle: float = Field(
+        default=1.0, gt=0, le=1, description="share of the full throttle of both sides"
+    )
+    start_s: float = Field(default=3.0, ge=0.001, le=600, description="throttle open")
+    cruise_s: float = Field(
+        default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the yaw rate"
+    )
+
+
+class Arc(_Manoeuvre):
+    """An arc at constant speed and yaw rate, with smooth ramps to and from standing."""
+
+    kind: Literal["arc"] = "arc"
+    speed_m_s: float = Field(ge=-50, le=50, description="speed held, negative backwards")
+    yaw_rate_rad_s: float = Field(ge=-10, le=10, description="yaw rate held, positive to the left")
+    duration_s: float = Field(default=10.0, ge=0.001, le=3600, description="how long both are held")
+    ramp_s: float = Field(
+        default=4.0, ge=0.1, le=600, description="from standing to the arc, and back"
+    )
+
+
+class Excite(_Manoeuvre):
+    """Drive force, yaw torque or both follow waveforms; then brake to a stop.
+
+    With a force alone the heading is kept, with a torque alone the origin's place; with both the
+    machine goes where they take it.
+    """
+
+    kind: Literal["excite"] = "excite"
+    duration_s: float = Field(default=60.0, ge=0.001, le=3600, description="how long it is driven")
+    force: ForceWave | None = Field(default=None, description="waveform of the drive force")
+    torque: TorqueWave | None = Field(default=None, description="waveform of the yaw torque")
+
+    @model_validator(mode="after")
+    def _something_is_driven(self) -> Self:
+        if self.force is None and self.torque is None:
+            raise ValueError("an excitation needs 'force', 'torque' or both")
+        return self
+
+
+Manoeuvre: TypeAlias = Annotated[Rest | Start | Spin | Arc | Excite, Field(discriminator="kind")]

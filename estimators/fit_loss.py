@@ -1,0 +1,124 @@
+"""What a least-squares fit takes out of the autocovariances of its residuals.
+
+The residuals are e = M u with M = I - QQᵀ, Q an orthonormal basis of the regressor. With u's
+autocovariances r, E Σ_i e_i e_{i+j} = Σ_l r_l tr(D_j M R_l M), R_l with ones at the distances ±l
+and D_j with halves at ±j: linear in r, which can so be put back. To first order every lag loses p/n
+of the long-run variance; less where the correlation lasts as long as the regressor takes to change.
+"""
+
+import numpy as np
+
+from estimators.compiled import compiled
+from estimators.trace import Floats, Ints
+
+#: So many fits, evenly chosen, stand for all.
+_MOST_FITS = 100
+
+
+@compiled
+def _add_loss(Q: Floats, loss: Floats) -> None:
+    """Add one fit's tr(D_j R_l) - tr(D_j M R_l M) to loss (lags, lags); Q is (n, p).
+
+    With S_j the sum of the shifts by ±j (D_j = S_j / 2), that is tr(Qᵀ S_j S_l Q) less half of
+    tr(Qᵀ S_j Q Qᵀ S_l Q): sums of products of Q with itself at a distance, less the pairs at its
+    ends that the shifts push out.
+    """
+    n, p = Q.shape
+    lags = loss.shape[0]
+    cross = np.zeros((2 * lags - 1, p, p))
+    for d in range(min(2 * lags - 1, n)):
+        for k in range(n - d):
+            for i in range(p):
+                for c in range(p):
+                    cross[d, i, c] += Q[k, i] * Q[k + d, c]
+    pushed = np.zeros((lags, lags))
+    for d in range(lags):
+        for j in range(1, lags):
+            pushed[d, j] = pushed[d, j - 1]
+            head, tail = j - 1, n - d - j
+            for i in range(p):
+                if head + d < n:
+                    pushed[d, j] += Q[head, i] * Q[head + d, i]
+                if tail >= 0:
+                    pushed[d, j] += Q[tail, i] * Q[tail + d, i]
+    for j in range(lags):
+        for m in range(lags):
+            apart = abs(j - m)
+            shifted = -pushed[apart, min(j, m)]
+            inside = 0.0
+            for i in range(p):
+                shifted += 2.0 * (cross[apart, i, i] + cross[j + m, i, i])
+                for c in range(p):
+                    at_j = cross[j, i, c] + cross[j, c, i]
+                    inside += at_j * (cross[m, i, c] + cross[m, c, i])
+            # S_0 is twice R_0
+            loss[j, m] += (0.5 if m == 0 else 1.0) * (shifted - 0.5 * inside)
+
+
+@compiled
+def _orthonormal(A: Floats) -> Floats:
+    """An orthonormal basis of the columns of A (n, p), without those that depend on others."""
+    n, p = A.shape
+    Q = np.zeros((n, p))
+    for i in range(p):
+        q = A[:, i].copy()
+        size = np.sqrt(q @ q)
+        # twice is enough (Giraud, Langou, Rozložník 2005)
+        for _ in range(2):
+            for c in range(i):
+                q -= (Q[:, c].copy() @ q) * Q[:, c]
+        left = np.sqrt(q @ q)
+        if left > 1e-7 * size:
+            Q[:, i] = q / left
+    return Q
+
+
+@compiled
+def _spans(group: Ints, some: Ints) -> Ints:
+    """First and last sample of each of `some` (ascending) groups, (fits, 2)."""
+    spans = np.full((some.size, 2), -1, np.int64)
+    for k in range(group.size):
+        fit = np.searchsorted(some, group[k])
+        if fit < some.size and some[fit] == group[k]:
+            if spans[fit, 0] < 0:
+                spans[fit, 0] = k
+            spans[fit, 1] = k
+    return spans
+
+
+@compiled
+def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
+    """Loss over pairs, (lags, lags), of the fits that lie in `spans`."""
+    loss = np.zeros((lags, lags))
+    pairs = np.zeros(lags)
+    for first, last in spans:
+        mine = group[first : last + 1] == group[first]
+        B = np.zeros((mine.size, A.shape[1]))
+        for k in range(mine.size):
+            if mine[k]:
+                B[k] = A[first + k]
+                for j in range(min(lags, mine.size - k)):
+                    pairs[j] += mine[k + j]
+        _add_loss(_orthonormal(B), loss)
+    for j in range(lags):
+        loss[j] /= max(pairs[j], 1.0)
+    return loss
+
+
+def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
+    """How much of each autocovariance the residuals have lost at each lag, (lags, lags).
+
+    Args:
+        A: (n, p) regressor, fitted to each group by itself.
+        group: (n,) the fit that each sample belongs to, negative for none.
+        lags: how many lags, lag 0 included.
+
+    Returns:
+        B with E[mean e_i e_{i+j}] = r_j - Σ_l B_jl r_l.
+    """
+    used = group[group >= 0]
+    ids = np.unique(used)
+    if A.shape[1] * lags * ids.size < 0.005 * used.size:
+        return np.zeros((lags, lags))
+    some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]
+    return _total_loss(A, group, _spans(group, some), lags)

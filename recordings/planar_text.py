@@ -1,0 +1,82 @@
+"""The centre of mass in words: what arcs and joint motion told, and what they could not."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from analysis.run import Run
+from recordings.wording import number, plus_minus, table
+
+_OF = {"arcs": "all arcs together", "joint": "all motion together"}
+_NAMES = {
+    "mass": ("mass_kg", "mass_std_kg", "kg"),
+    "yaw inertia": ("inertia_z_kg_m2", "inertia_z_std_kg_m2", "kg·m²"),
+    "friction": ("friction_x_N_s_m", "friction_x_std_N_s_m", "N·s/m"),
+    "friction of turning": ("friction_z_N_m_s", "friction_z_std_N_m_s", "N·m·s"),
+}
+
+
+def planar_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """A line for each fit over more than one arc, or for the arc where there is only one."""
+    whole = [row for row in rows if row["kind"] in _OF]
+    return [_line(row) for row in whole or rows]
+
+
+def planar(run: Run) -> str:
+    """Every arc and joint fit; nothing where the machine did not turn."""
+    rows = planar_rows(run)
+    if not rows:
+        return ""
+    cells = [
+        (
+            row["kind"],
+            f"{row['start_t_ns'] / 1e9:.2f} – {row['end_t_ns'] / 1e9:.2f}",
+            row["speed_x_m_s"],
+            row["yaw_rate_rad_s"],
+            plus_minus(row["com_x_m"], row["com_x_std_m"]),
+            plus_minus(row["com_y_m"], row["com_y_std_m"]),
+            "withheld" if row["withheld"] else row["reason"].replace("_", " "),
+        )
+        for row in rows
+    ]
+    head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
+    parts = ["# Centre of mass", table(head, cells)]
+    whole = [row for row in rows if row["kind"] in _OF]
+    parts += [f"**{_OF[row['kind']].capitalize()}**: {_determined(row)}" for row in whole]
+    return "\n\n".join(parts)
+
+
+def planar_rows(run: Run) -> list[dict[str, Any]]:
+    """The rows of the frame, none where a run lacks it."""
+    return run.frames["planar"].to_dicts() if "planar" in run.frames else []
+
+
+def _line(row: dict[str, Any]) -> str:
+    of = _OF.get(row["kind"], "one arc")
+    if row["withheld"]:
+        return f"centre of mass from {of}: withheld"
+    if row["com_x_m"] is None:
+        return f"centre of mass from {of}: none; {_determined(row)}"
+    along = f"{_distance(row, 'x')} {'ahead of' if row['com_x_m'] >= 0 else 'behind'} the origin"
+    if row["com_y_m"] is None:
+        return f"centre of mass from {of}: {along}"
+    across = f"{_distance(row, 'y')} to its {'left' if row['com_y_m'] >= 0 else 'right'}"
+    return f"centre of mass from {of}: {along}, {across}"
+
+
+def _distance(row: dict[str, Any], axis: str) -> str:
+    return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
+
+
+def _determined(row: dict[str, Any]) -> str:
+    """Which numbers the motion determines, with those that may be told."""
+    told = [
+        f"{name} {plus_minus(row[value], row[std])} {unit}"
+        for name, (value, std, unit) in _NAMES.items()
+        if row[value] is not None
+    ]
+    said = [f"it determines {number(row['rank'])} numbers"]
+    if row["identifiable"]:
+        said.append(f"by themselves {row['identifiable']}")
+    if row["combinations"]:
+        said.append(f"together only {row['combinations']}")
+    return "; ".join(said) + "." + (f" {', '.join(told)}." if told else "")

@@ -1,0 +1,34 @@
+"""How numbers and tables are written in the texts of a recording."""
+
+from collections.abc import Iterable, Sequence
+from math import floor, isfinite, log10
+
+
+def number(value: object) -> str:
+    """A cell of a table: five significant digits, thousands apart, a dash for nothing."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        large = 1e4 <= abs(value) < 1e9
+        return f"{value:,.0f}".replace(",", "\u202f") if large else f"{value:.4g}"
+    return str(value)
+
+
+def plus_minus(value: float | None, std: float | None) -> str:
+    """A value with its standard deviation to two digits, both to the same place."""
+    if value is None or std is None or not (std > 0 and isfinite(std)):
+        return number(value)
+    places = max(0, 1 - floor(log10(std)))
+    return f"{value:.{places}f} ± {std:.{places}f}"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table, or "none"."""
+    body = [
+        "| " + " | ".join(number(cell).replace("|", "\\|") for cell in row) + " |" for row in rows
+    ]
+    if not body:
+        return "none"
+    return "\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *body])

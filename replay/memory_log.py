@@ -1,0 +1,101 @@
+"""A simulated log that is replayed from memory, without a file between."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import polars as pl
+
+from analysis.machine import Channel, Machine
+from analysis.run import Loss
+from analysis.simulation import SimulatedLog
+from estimators.errors import LogError, nearest
+
+_STAMPS = ("log_time_ns", "header_stamp_ns")
+
+
+class MemoryLog:
+    """The topics of a simulation as a log: fields are named as the machine file's channels."""
+
+    def __init__(self, simulated: SimulatedLog) -> None:
+        self._frames = simulated.topics
+        self._path = Path(f"simulated_{simulated.load_kg:g}kg")
+
+    @property
+    def path(self) -> Path:
+        """A name for messages; there is no file."""
+        return self._path
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """None."""
+        return ()
+
+    def topics(self) -> pl.DataFrame:
+        """The topics and their counts."""
+        return pl.DataFrame(
+            {
+                "topic": list(self._frames),
+                "messages": [frame.height for frame in self._frames.values()],
+                "fields": [
+                    [name for name in frame.columns if name not in _STAMPS]
+                    for frame in self._frames.values()
+                ],
+            }
+        )
+
+    def read(
+        self,
+        topic: str,
+        fields: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> pl.DataFrame:
+        """Fields of a topic, in log-time order.
+
+        Raises:
+            LogError: no such topic or field.
+        """
+        if topic not in self._frames:
+            raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._frames)}")
+        frame = self._frames[topic]
+        for field in fields:
+            if field not in frame.columns:
+                raise LogError(f"{self.path}: no field '{field}'; {nearest(field, frame.columns)}")
+        time = pl.col("log_time_ns")
+        if start_ns is not None:
+            frame = frame.filter(time >= start_ns)
+        if end_ns is not None:
+            frame = frame.filter(time <= end_ns)
+        return frame.select(*_STAMPS, *fields).sort("log_time_ns", maintain_order=True)
+
+    def losses(self) -> tuple[Loss, ...]:
+        """None."""
+        return ()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        pass
+
+
+def reading_memory(machine: Machine, simulated: SimulatedLog) -> Machine:
+    """The machine with its channels read from a simulation's topics instead of from messages."""
+    topic_of = {
+        name: topic
+        for topic, frame in simulated.topics.items()
+        for name in frame.columns
+        if name not in _STAMPS
+    }
+    channels = {
+        name: channel if channel.derive else Channel(topic=topic_of[name], field=name)
+        for name, channel in machine.channels.items()
+    }
+    return machine.model_copy(update={"channels": channels})

@@ -1,0 +1,173 @@
+"""Drives in the plane as sensors say them: starts, spins, arcs and joint motion, with noise.
+
+Speeds are prescribed or pushed through first-order friction; force and yaw torque are what Newton
+and Euler ask for (`estimators.planar.regressor` times the loader's parameters).
+"""
+
+import numpy as np
+import polars as pl
+
+from analysis.align import align
+from analysis.derive import derive
+from analysis.forces import forces
+from analysis.gate import gate
+from analysis.machine import Machine
+from analysis.masses import masses
+from analysis.mounting import rotation
+from analysis.planar import planar
+from analysis.segments import segments
+from analysis.smooth import smooth
+from analysis.trace import trace
+from analysis.verdict import can_weigh, tells_inertia, verdict
+from estimators import planar as model
+
+RATE_HZ = 100
+#: In the order of `model.PARAMETERS`: a loader whose centre of mass lies 138 mm ahead.
+LOADER = np.array([3614.0, 4200.0, 500.0, -60.0, 2891.0, 1500.0])
+NOISE = {
+    "force_x_N": 60.0,
+    "torque_z_N_m": 45.0,
+    "speed_x_m_s": 0.005,
+    "specific_force_x_m_s2": 0.01,
+    "specific_force_y_m_s2": 0.01,
+    "specific_force_z_m_s2": 0.01,
+    "roll_rate_rad_s": 0.001,
+    "pitch_rate_rad_s": 0.001,
+    "yaw_rate_rad_s": 0.001,
+}
+
+
+def hold(seconds, v=0.0, omega=0.0):
+    """Both kept."""
+    return _ramp(seconds, v, v, omega, omega)
+
+
+def start(sign=1.0, seconds=5.0, force_N=6000.0):
+    """Straight: a force that rises steadily, against viscous friction."""
+    v = _pushed(seconds, sign * force_N, LOADER[0], LOADER[4])
+    return v, np.zeros(v.size)
+
+
+def spin(sign=1.0, seconds=5.0, torque_N_m=4000.0):
+    """In place: a yaw torque that rises steadily."""
+    omega = _pushed(seconds, sign * torque_N_m, LOADER[1], LOADER[5])
+    return np.zeros(omega.size), omega
+
+
+def to(seconds, previous, v=0.0, omega=0.0):
+    """From where the `previous` manoeuvre ended to other speeds, steadily."""
+    return _ramp(seconds, previous[0][-1], v, previous[1][-1], omega)
+
+
+def joint(seconds=60.0):
+    """v and ω both triangular, out of step, forward only and to both sides."""
+    t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    return 0.2 + 1.4 * _triangle(t, 9.0), 0.8 * (2.0 * _triangle(t, 6.5) - 1.0)
+
+
+def _triangle(t, period_s):
+    share = (t % period_s) / period_s
+    return np.where(share < 0.5, 2.0 * share, 2.0 - 2.0 * share)
+
+
+def _pushed(seconds, push, inertia, friction):
+    samples = round(seconds * RATE_HZ)
+    x, rates = 0.0, np.zeros(samples)
+    for k in range(samples):
+        rates[k] = x
+        x += (push * k / samples - friction * x) / inertia / RATE_HZ
+    return rates
+
+
+def _ramp(seconds, v0, v1, w0, w1):
+    share = np.arange(round(seconds * RATE_HZ)) / round(seconds * RATE_HZ)
+    return v0 + (v1 - v0) * share, w0 + (w1 - w0) * share
+
+
+def braked(*manoeuvres):
+    """Each manoeuvre from a standstill and braked to one."""
+    out = [hold(1.5)]
+    for each in manoeuvres:
+        out += [each, to(1.5, each), hold(1.5)]
+    return out
+
+
+def starts():
+    return braked(start(), start(-1.0), start())
+
+
+def spins():
+    return braked(spin(), spin(-1.0), spin(), spin(-1.0))
+
+
+def arc(v, omega, seconds=6.0):
+    """Entered and left by ramps; v, ω constant between."""
+    steady = hold(seconds, v, omega)
+    return [to(2.0, hold(0.1), v, omega), steady, to(2.0, steady), hold(1.0)]
+
+
+def arcs():
+    return [*arc(1.2, 0.5), *arc(-1.0, 0.6), *arc(1.5, -0.4)]
+
+
+def sensors(drive, seed=1, noise=1.0, parameters=LOADER, origin_x_m=0.0, imu=None):
+    """What the sensors say, a column each, with t_ns.
+
+    Args:
+        drive: manoeuvres in their order.
+        seed: of the noise.
+        noise: share of `NOISE`.
+        parameters: of the machine.
+        origin_x_m: where the origin lies from the centre that the machine turns about, along x.
+        imu: how the IMU sits, at the origin.
+    """
+    v, omega = (np.concatenate(each) for each in zip(*drive, strict=True))
+    acc, alpha = np.gradient(v) * RATE_HZ, np.gradient(omega) * RATE_HZ
+    zero = np.zeros(v.size)
+    seen = np.stack([acc - omega**2 * origin_x_m, omega * v + alpha * origin_x_m, zero + 9.80665])
+    exact = model.regressor(seen[0], seen[1], v, omega, alpha) @ parameters
+    turn = np.stack([zero, zero, omega])
+    if imu is not None:
+        seen, turn = rotation(imu).T @ seen, rotation(imu).T @ turn
+    said = dict(zip(NOISE, [exact[:, 0], exact[:, 1], v, *seen, *turn], strict=True))
+    generator = np.random.default_rng(seed)
+    return pl.DataFrame(
+        {
+            "unix_ns": 1_700_000_000 * 10**9 + np.arange(v.size) * (10**9 // RATE_HZ),
+            **{n: x + noise * NOISE[n] * generator.normal(size=x.size) for n, x in said.items()},
+        }
+    )
+
+
+def machine(without=(), imu=None, **settings):
+    """A machine with every channel, its yaw acceleration derived from the gyroscope."""
+    channels = {name: {"field": name} for name in NOISE if name not in without}
+    if "yaw_acc_rad_s2" not in without:
+        channels["yaw_acc_rad_s2"] = {"derive": "d/dt yaw_rate_rad_s"}
+    body = {"name": "loader", "empty_mass_kg": 3614.0}
+    if imu is not None:
+        body["imu"] = imu.model_dump()
+    return Machine.model_validate({"machine": body, "channels": channels, "settings": settings})
+
+
+def replayed(said, loader=None):
+    """Every stage of what the sensors say, by name."""
+    loader = loader or machine()
+    settings = loader.settings
+    channels, _, _ = derive({"table": said}, loader)
+    aligned, _ = align(channels, loader)
+    excitation = forces(smooth(aligned, settings), loader)
+    gated = gate(excitation, settings)
+    estimates = trace(excitation, gated, settings)
+    judged = verdict(excitation, gated, loader)
+    told = {"weighs": can_weigh(judged), "inertia": tells_inertia(judged)}
+    return {
+        "aligned": aligned,
+        "excitation": excitation,
+        "gate": gated,
+        **{f"estimates/{method}": each for method, each in estimates.items()},
+        "segments": segments(excitation, gated, settings),
+        "verdict": judged,
+        "masses": masses(excitation, gated, estimates, loader, **told),
+        "planar": planar(excitation, gated, judged, settings),
+    }

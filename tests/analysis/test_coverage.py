@@ -1,0 +1,102 @@
+"""Nominal 95 % intervals over thousands of simulated starts with coloured noise, stage by stage."""
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.signal import lfilter
+
+from analysis.align import align
+from analysis.forces import forces
+from analysis.gate import gate
+from analysis.regressor import straight
+from analysis.segments import pooled_samples, segments
+from analysis.simulation import Scenario, simulate_campaign
+from analysis.smooth import smooth
+
+TRUE_KG = 3614.0
+STARTS = 1100
+
+
+def coloured(samples, seed, std=60.0, lasting_s=0.1):
+    """First-order Gauss-Markov noise at 100 Hz."""
+    keep = np.exp(-0.01 / lasting_s)
+    steps = np.random.default_rng(seed).normal(size=samples) * std * np.sqrt(1.0 - keep**2)
+    return lfilter([1.0], [1.0, -keep], steps)
+
+
+def excitation_of_starts(seed, machine):
+    """One log of short starts: white noise on every channel, and Gauss-Markov noise on the force.
+
+    The brakes act where the sensors see them, so that noise is all that is wrong.
+    """
+    base = Scenario()
+    scenario = base.model_copy(
+        update={
+            "campaign": base.campaign.model_copy(
+                update={
+                    "loads_kg": (0.0,),
+                    "runs": STARTS,
+                    "standstill_s": 3.0,
+                    "cruise_s": 1.0,
+                    "brake_measured_share": 1.0,
+                }
+            ),
+            "sensors": base.sensors.model_copy(update={"seed": seed}),
+        }
+    )
+    log = next(iter(simulate_campaign(scenario)))
+    torque, speed, imu = (log.topics[name] for name in ("torque", "speed", "imu"))
+    measured = pl.sum_horizontal(torque["torque_left_N_m"], torque["torque_right_N_m"])
+    lever_m = scenario.machine.force_share * scenario.machine.wheel_radius_m
+    columns = {
+        "force_x_N": torque.select(measured)["torque_left_N_m"].to_numpy() / lever_m
+        + coloured(torque.height, seed),
+        "speed_x_m_s": ((speed["speed_left_m_s"] + speed["speed_right_m_s"]) / 2.0).to_numpy(),
+        "specific_force_x_m_s2": imu["specific_force_x_m_s2"].to_numpy(),
+    }
+    stamps = imu["header_stamp_ns"]
+    channels = {
+        name: pl.DataFrame({"unix_ns": stamps, name: values}) for name, values in columns.items()
+    }
+    return forces(smooth(align(channels, machine)[0], machine.settings), machine)
+
+
+def textbook_deviations(A, f, ids):
+    """√(σ² (AᵀA)⁻¹₁₁) of each segment."""
+    out = []
+    for number in np.unique(ids[ids >= 0]):
+        X, y = A[ids == number], f[ids == number]
+        bread = np.linalg.inv(X.T @ X)
+        residual = y - X @ (bread @ X.T @ y)
+        out.append(np.sqrt(residual @ residual / (y.size - 2) * bread[0, 0]))
+    return np.array(out)
+
+
+@pytest.fixture(scope="module")
+def found(machine):
+    """Mass, its deviation and the textbook's of every accepted segment."""
+    plain = machine()
+    rows = []
+    for seed in (1, 2):
+        excitation = excitation_of_starts(seed, plain)
+        gated = gate(excitation, plain.settings)
+        table = segments(excitation, gated, plain.settings).filter(pl.col("mass_kg").is_not_null())
+        ids = pooled_samples(excitation, gated, plain.settings)
+        textbook = textbook_deviations(*straight(excitation, plain.settings), ids)
+        rows.append(np.column_stack([table["mass_kg"], table["mass_std_kg"], textbook]))
+    return np.concatenate(rows).T
+
+
+def coverage(mass, std):
+    return np.mean(np.abs(mass - TRUE_KG) < 1.96 * std)
+
+
+def test_nominal_95_percent_intervals_of_two_thousand_segments_cover_93_to_97(found):
+    mass, std, _ = found
+    assert mass.size >= 2000
+    assert 0.93 <= coverage(mass, std) <= 0.97
+
+
+def test_the_textbook_formula_covers_less_than_half(found):
+    mass, _, textbook = found
+    assert coverage(mass, textbook) < 0.5

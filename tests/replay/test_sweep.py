@@ -1,0 +1,141 @@
+"""`payscope sweep`: every row is what `run --set` says, and the truth beside a log gives errors."""
+
+import csv
+import json
+from io import StringIO
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from analysis.simulation import Scenario
+from replay.simulate import simulate
+from tests.replay.sledge import Payscope, one_line, sledge
+
+KEYS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "payload_kg", "accepted_share", "verdict")
+
+
+@pytest.mark.parametrize(
+    "over",
+    [
+        ["settings.threshold_nat=0.3:1.1:0.4"],
+        ["settings.window_samples=200,400", "settings.exclude_braking=true,false"],
+        # what comes before the gate: filter, grid, channels, machine
+        ["settings.smooth_samples=1,10", "settings.rate_hz=50,100"],
+        ["channels.force_x_N.delay_s=0.0,0.1", "machine.empty_mass_kg=90,110"],
+        ["settings.methods=['ls'],['huber','pooled']"],
+    ],
+    ids=str,
+)
+def test_every_row_equals_run_with_the_same_settings(
+    payscope: Payscope, log: Path, machine_file: Path, over: list[str]
+) -> None:
+    swept = payscope(
+        "sweep", log, "-m", machine_file, *(w for o in over for w in ("--over", o)), "--json"
+    )
+    assert swept.status == 0
+    rows = json.loads(swept.out)
+    assert len(rows) > 1
+    for row in rows:
+        sets = [f"{key}={json.dumps(value)}" for key, value in row["over"].items()]
+        ran = payscope(
+            "run", log, "-m", machine_file, *(w for s in sets for w in ("--set", s)), "--json"
+        )
+        told = json.loads(ran.out)
+        assert {key: row[key] for key in KEYS} == {key: told[key] for key in KEYS}
+
+
+def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
+    payscope: Payscope, log: Path, machine_file: Path
+) -> None:
+    said = payscope(
+        "sweep", log, "-m", machine_file, "--over", "settings.threshold_nat=0.7,50", "--format",
+        "csv", "--reference", "120",
+    )  # fmt: skip
+    assert said.status == 0
+    good, bad = csv.DictReader(StringIO(said.out))
+    assert (good["can_weigh"], good["failed"]) == ("true", "")
+    assert float(good["ls_error_kg"]) == pytest.approx(float(good["ls_mass_kg"]) - 120.0)
+    assert (bad["can_weigh"], bad["failed"]) == ("false", "accepted_stretches")
+    assert bad["ls_mass_kg"] == bad["ls_error_kg"] == ""
+    table = payscope("sweep", log, "-m", machine_file, "--over", "settings.threshold_nat=0.7,50")
+    assert "no: accepted_stretches" in table.out
+
+
+def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
+    payscope: Payscope, tmp_path: Path
+) -> None:
+    small = Scenario()
+    campaign = small.campaign.model_copy(update={"loads_kg": (0.0, 100.0, 250.0), "runs": 3})
+    logs = simulate(small.model_copy(update={"campaign": campaign}), tmp_path / "c.bag")
+    said = payscope(
+        "sweep", *logs, "-m", "cat262c.toml", "--over", "settings.threshold_nat=0.7,1.3", "--json"
+    )
+    for row in json.loads(said.out):
+        assert set(row["rmse_kg"]) == set(row["mass_kg"])
+        for method in ("ls", "fgls", "tls", "pooled"):
+            assert 0.0 < row["calibrated_rmse_kg"][method] < 25.0
+            assert row["calibrated_rmse_kg"][method] < row["left_out_rmse_kg"][method]
+    one = payscope(
+        "sweep", logs[0], "-m", "cat262c.toml", "--over", "settings.threshold_nat=0.7", "--json"
+    )
+    (row,) = json.loads(one.out)
+    assert row["rmse_kg"]["pooled"] < 25.0
+    assert "calibrated_rmse_kg" not in row  # one load determines no line
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".json", ".parquet"])
+def test_the_suffix_says_the_format_and_nothing_is_overwritten(
+    payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path, suffix: str
+) -> None:
+    out = tmp_path / f"rows{suffix}"
+    words = ("sweep", log, "-m", machine_file, "--over", "settings.threshold_nat=0.5,0.7", "-o")
+    assert payscope(*words, out).status == 0
+    read = {".csv": pl.read_csv, ".json": pl.read_json, ".parquet": pl.read_parquet}[suffix]
+    assert read(out).height == 2
+    one_line(payscope(*words, out), out.name, "--force")
+    one_line(payscope(*words, log, "--force"), "is the input itself")
+
+
+class TestWrongInput:
+    def test_unknown_key_names_the_nearest(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope("sweep", log, "-m", machine_file, "--over", "settings.threshold=0.5,0.7")
+        one_line(said, "settings.threshold", "did you mean 'threshold_nat'?")
+
+    def test_a_value_that_does_not_fit(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        said = payscope(
+            "sweep", log, "-m", machine_file, "--over", "settings.window_samples=0.5:1.5:0.5"
+        )
+        one_line(said, "settings.window_samples", "0.5")
+
+    def test_no_grid(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
+        one_line(payscope("sweep", log, "-m", machine_file), "--over")
+        said = payscope("sweep", log, "-m", machine_file, "--over", "settings.rate_hz")
+        one_line(said, "KEY=FROM:TO:STEP")
+
+    def test_no_log(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
+        said = payscope(
+            "sweep", tmp_path / "no.bag", "-m", machine_file, "--over", "settings.rate_hz=50,100"
+        )
+        one_line(said, "no.bag", "no such")
+
+    def test_two_formats(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
+        said = payscope(
+            "sweep", log, "-m", machine_file, "--over", "settings.rate_hz=50", "--json",
+            "--format", "csv",
+        )  # fmt: skip
+        one_line(said, "--json", "--format")
+
+    def test_a_truth_file_that_is_none(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        sledge().write_csv(tmp_path / "s.csv")
+        (tmp_path / "s.csv.truth.json").write_text("{}")
+        said = payscope(
+            "sweep", tmp_path / "s.csv", "-m", machine_file, "--over", "settings.rate_hz=50,100"
+        )
+        one_line(said, "s.csv.truth.json", "payscope simulate")
