@@ -52,7 +52,7 @@ forgetting: $(TEST_STAMP) ## which λ to forget with, into the documentation (fo
 gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fifteen minutes)
 	$(BIN)/python benchmarks/gates.py --write
 
-reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (ten minutes)
+reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)

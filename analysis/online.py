@@ -3,10 +3,11 @@
 State in, state out: a step takes bounded time and memory, and from `excitation` on every decision
 of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
 `estimators.online`): what the replay pools over the log is not known yet. A manoeuvre's pooled
-estimate comes when the manoeuvre is over and no braking can claim its last samples any more.
+estimate comes when the manoeuvre is over and no braking can claim its last samples any more, that
+of a recursion when none can claim the window that it is fed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.moment import Moment, Watch, start_watch, watch
 from analysis.regressor import X
-from analysis.settings import Settings
+from analysis.settings import RECURSIVE, Settings
 from analysis.trace import options_of
 from estimators import online
 from estimators.trace import Estimate
@@ -39,6 +40,13 @@ class Pending:
     sample: Floats
 
 
+class Settling(NamedTuple):
+    """The number of an accepted row, and the window that ends there."""
+
+    row: int
+    window: online.WindowState
+
+
 @dataclass(frozen=True, slots=True)
 class State:
     """All that is kept between two rows.
@@ -48,6 +56,8 @@ class State:
         window: the last `window_samples` rows and their sums.
         watched: what the gate remembers of the rows.
         pasts: of the recursive methods, by name.
+        settling: accepted windows that they will be fed unless braking follows.
+        fed_row: the last row that they were fed, -1 before the first.
         accepted_row: the last row whose window was accepted, -1 before the first.
         segments: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
         standing: whether those rows stand.
@@ -62,6 +72,8 @@ class State:
     segments: tuple[int, ...]
     standing: tuple[bool, ...]
     pasts: Mapping[str, Any] = field(default_factory=dict)
+    settling: tuple[Settling, ...] = ()
+    fed_row: int = -1
     accepted_row: int = -1
     pending: tuple[Pending, ...] = ()
     pooled_id: int = -1
@@ -75,8 +87,8 @@ class Step:
     Attributes:
         state: to step on from.
         moment: what the gate saw in the window that ends here, and what it decided.
-        estimates: by method; the windowed and recursive ones at every accepted row, `pooled` when
-            a manoeuvre is over.
+        estimates: by method; the windowed ones at every accepted row, the recursive ones when
+            that row has settled, `pooled` when a manoeuvre is over.
     """
 
     state: State
@@ -121,17 +133,23 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
     estimates: dict[str, Standing] = {}
     if moment.accepted:
         state, estimates = _estimate(state, watched.row)
+    while state.settling and watched.row - state.settling[0].row >= watched.braking_lag - 1:
+        state, fed = _feed(state)
+        estimates |= fed
     if "pooled" in settings.methods:
         state, finished = _pool(state, watched.row)
         estimates |= finished
     return Step(state, moment, estimates)
 
 
-def finish(state: State) -> Mapping[str, Standing]:
-    """The pooled estimate of a manoeuvre that the end of the log cuts off, if there is one."""
+def finish(state: State) -> Iterator[Mapping[str, Standing]]:
+    """The estimates that were still to come: after the last row, no braking follows."""
+    while state.settling:
+        state, fed = _feed(state)
+        yield fed
     for pending in state.pending:
         state = _add(state, pending)
-    return _standing(state)
+    yield _standing(state)
 
 
 def number(value: float | None) -> float:
@@ -140,15 +158,12 @@ def number(value: float | None) -> float:
 
 
 def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
-    """Every method but `pooled` on the window that ends at `row`, which was accepted."""
+    """Every windowed method on the window that ends at `row`, which was accepted."""
     settings, window = state.settings, state.window
-    newest = min(row - state.accepted_row, settings.window_samples)
     mean = settings.smooth_samples
     options = options_of(X, settings)
     estimates: dict[str, Standing] = {}
-    pasts = dict(state.pasts)
     for method in settings.methods:
-        past = pasts.get(method)
         match method:
             case "ls":
                 estimate = online.ls(window, mean)
@@ -158,17 +173,39 @@ def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
                 estimate = online.tls(window, mean, options.tls)
             case "huber":
                 estimate = online.huber(window, mean, options.huber)
-            case "rls":
-                follow = online.directional_rls if options.rls.directional else online.rls
-                pasts[method], estimate = follow(window, past, newest, mean, options.rls)
-            case "rtls":
-                pasts[method], estimate = online.rtls(window, past, newest, mean, options.rtls)
-            case "pooled":
+            case "rls" | "rtls" | "pooled":
                 continue
         estimates[method] = Standing(row, estimate)
+    if RECURSIVE.intersection(settings.methods):
+        state = replace(state, settling=(*state.settling, Settling(row, window)))
     if "pooled" in settings.methods:
+        newest = min(row - state.accepted_row, settings.window_samples)
         state = _pending(state, row, newest)
-    return replace(state, pasts=pasts, accepted_row=row), estimates
+    return replace(state, accepted_row=row), estimates
+
+
+def _feed(state: State) -> tuple[State, dict[str, Standing]]:
+    """Feed the recursive methods the oldest window that settles, unless it brakes by now."""
+    settings, (row, window) = state.settings, state.settling[0]
+    state = replace(state, settling=state.settling[1:])
+    if state.watched.last_braking >= row:
+        return state, {}
+    newest = min(row - state.fed_row, settings.window_samples)
+    mean = settings.smooth_samples
+    options = options_of(X, settings)
+    pasts = dict(state.pasts)
+    estimates: dict[str, Standing] = {}
+    for method in settings.methods:
+        if method not in RECURSIVE:
+            continue
+        past = pasts.get(method)
+        if method == "rls":
+            follow = online.directional_rls if options.rls.directional else online.rls
+            pasts[method], estimate = follow(window, past, newest, mean, options.rls)
+        else:
+            pasts[method], estimate = online.rtls(window, past, newest, mean, options.rtls)
+        estimates[method] = Standing(row, estimate)
+    return replace(state, pasts=pasts, fed_row=row), estimates
 
 
 def _pending(state: State, row: int, newest: int) -> State:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import polars as pl
 
+from analysis.gate import settled_windows
 from analysis.regressor import Axis, X, axes, pooled_options, regressor, trace_columns
 from analysis.schema import build
 from analysis.segments import pooled_samples
@@ -64,6 +65,7 @@ def _traces(
     A, f = regressor(axis, excitation, settings)
     window = settings.window_samples
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
+    settled = settled_windows(excitation, gated, settings, axis)
     options = options_of(axis, settings)
     traces: dict[str, Trace] = {}
     for method in settings.methods:
@@ -71,13 +73,13 @@ def _traces(
             case "ls":
                 traced = ls.trace(A, f, window, accepted)
             case "rls":
-                traced = rls.trace(A, f, window, accepted, options.rls)
+                traced = rls.trace(A, f, window, settled, options.rls)
             case "fgls":
                 traced = fgls.trace(A, f, window, accepted, options.fgls)
             case "tls":
                 traced = tls.trace(A, f, window, accepted, options.tls)
             case "rtls":
-                traced = rtls.trace(A, f, window, accepted, options.rtls)
+                traced = rtls.trace(A, f, window, settled, options.rtls)
             case "huber":
                 traced = huber.trace(A, f, window, accepted, options.huber)
             case "pooled":

@@ -211,8 +211,7 @@ def _experiment_says(frame: pl.DataFrame) -> str:
 def _reduction_says(frame: pl.DataFrame) -> str:
     rows = frame.filter(pl.col("claim") == _REDUCTION).iter_rows(named=True)
     told = [
-        f"{row['case']}, {row['found_kg']:,.1f} kg"
-        + ("" if row["smaller_percent"] is None else f" ({row['smaller_percent']:.1f} % smaller)")
+        f"{row['case']}, {row['found_kg']:,.1f} kg{_than_ungated(row['smaller_percent'])}"
         for row in rows
     ]
     held = [share >= 100.0 * paper.REDUCTION for share in frame["smaller_percent"].drop_nulls()]
@@ -222,3 +221,10 @@ def _reduction_says(frame: pl.DataFrame) -> str:
         f"{'; '.join(told)}. The gate saves RLS from forgetting while nothing happens; with short "
         "stops there is little to be saved from, and directional forgetting does it without a gate."
     )
+
+
+def _than_ungated(smaller_percent: float | None) -> str:
+    if smaller_percent is None:
+        return ""
+    word = "smaller" if smaller_percent >= 0.0 else "larger"
+    return f" ({abs(smaller_percent):.1f} % {word})"

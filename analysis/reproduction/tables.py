@@ -126,7 +126,8 @@ _ERRORS_CHOSEN = (
     "The error is that of a single run after (19), with every load in the fit, and with the run's "
     "own load left out; that of the load means is in the CSV. The paper does not say which it "
     "prints; it fits and judges on the same loads.",
-    "The bound is that of one run's mass from its samples in accepted windows, before (19).",
+    "The bound is that of one run's mass from its samples in accepted windows, before (19), which "
+    "is fitted to the errors with every load in the fit and so takes a little out of them.",
 )
 
 

@@ -147,10 +147,9 @@ class _Run:
         waves: list[ForceWave | TorqueWave] = [wave for wave in (force, torque) if wave]
 
         def drive(time_s: float) -> tuple[float, float]:
-            since = np.asarray(time_s - begin_s)
+            since = float(time_s - begin_s)
             return self.scenario.driven(
-                0.0 if force is None else float(force(since)),
-                0.0 if torque is None else float(torque(since)),
+                force(since) if force else 0.0, torque(since) if torque else 0.0
             )
 
         kinks = [begin_s + kink for wave in waves for kink in wave.kinks_s(manoeuvre.duration_s)]

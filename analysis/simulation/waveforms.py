@@ -6,7 +6,7 @@ All are highest at `peak_s` and lowest half a period later. The paper's triangle
 
 import math
 from abc import ABC, abstractmethod
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,16 +36,21 @@ class Waveform(ABC, BaseModel):
     def range(self) -> tuple[float, float]:
         """Lowest and highest value."""
 
-    def __call__(self, time_s: Floats) -> Floats:
-        """The values at times (n,) in s since the drive began."""
+    @overload
+    def __call__(self, time_s: float) -> float: ...
+    @overload
+    def __call__(self, time_s: Floats) -> Floats: ...
+    def __call__(self, time_s: float | Floats) -> float | Floats:
+        """The values at one or (n,) times in s since the drive began."""
         lowest, highest = self.range
         # 1 at the peak, 0 at the trough, linear in time between them
-        linear = np.abs(2.0 * np.mod((time_s - self.peak_s) / self.period_s, 1.0) - 1.0)
+        shape = abs(2.0 * ((time_s - self.peak_s) / self.period_s % 1.0) - 1.0)
         if self.waveform == "sinusoidal":
-            linear = (1.0 - np.cos(np.pi * linear)) / 2.0
+            turn = math.pi * shape
+            shape = (1.0 - (math.cos(turn) if isinstance(turn, float) else np.cos(turn))) / 2.0
         elif self.waveform == "polynomial":
-            linear = linear**3 * (10.0 + linear * (6.0 * linear - 15.0))
-        return lowest + (highest - lowest) * linear
+            shape = shape**3 * (10.0 + shape * (6.0 * shape - 15.0))
+        return lowest + (highest - lowest) * shape
 
     def kinks_s(self, duration_s: float) -> list[float]:
         """The peaks and troughs before `duration_s`, where it is not smooth."""

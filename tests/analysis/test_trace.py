@@ -23,12 +23,25 @@ def traced(excitation, **settings):
     return trace(excitation, gated, settings), gated
 
 
-def test_windowed_and_recursive_methods_have_a_row_an_accepted_window(two_starts):
+def test_windowed_methods_have_a_row_an_accepted_window(two_starts):
     frames, gated = traced(two_starts)
     accepted = gated.filter("accepted_x")["t_ns"]
-    for method in ("ls", "rls", "fgls", "tls"):
+    for method in ("ls", "fgls", "tls"):
         assert frames[method]["t_ns"].equals(accepted)
         assert frames[method].null_count().sum_horizontal().item() == 0
+
+
+def test_a_recursion_is_fed_no_window_that_braking_follows_before_it_could_be_seen(two_starts):
+    frames, gated = traced(two_starts, methods=("rls", "rtls"))
+    accepted = np.flatnonzero(gated["accepted_x"])
+    braking = np.flatnonzero((two_starts["phase"] == "braking").fill_null(False))
+    # the span of the speed rate and the moving mean, 0.1 s each
+    settled = [k for k in accepted if not ((braking >= k) & (braking < k + 20)).any()]
+    assert 0 < len(settled) < accepted.size
+    for frame in frames.values():
+        assert frame["t_ns"].to_list() == two_starts["t_ns"].to_numpy()[settled].tolist()
+    welcome, gated = traced(two_starts, methods=("rls",), exclude_braking=False)
+    assert welcome["rls"]["t_ns"].equals(gated.filter("accepted_x")["t_ns"])
 
 
 def test_every_method_weighs_the_machine(two_starts):
