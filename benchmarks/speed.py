@@ -4,7 +4,7 @@
 
 Peers: statsmodels' RollingOLS and WLS, pandas' rolling sums and correlation, NumPy's SVD, padasip's
 RLS. Ours and the peer run in turn, `--pairs` times; what counts is processor time, and the median
-of the pairs' ratios. A peer that is slow runs on fewer windows of the same data, so that its rate is
+of the pairs' ratios. A slow peer runs on fewer windows of the same data, so that its rate is
 extrapolated; the table says on how many. Before its ratio is printed, a peer's answer is compared
 with ours. Prints Markdown.
 """
@@ -19,7 +19,8 @@ import numpy as np
 import typer
 from numba import njit
 
-from estimators import fgls, information, tls
+from estimators import fgls, tls
+from estimators.information import correlated_sums
 from estimators.linear import pack
 from estimators.normal import solve
 from estimators.recursive import chunks_of, fed_samples, feed_products, in_lanes
@@ -113,10 +114,14 @@ class Pair:
 
 
 def ols_and_rho(data: Data) -> Floats:
-    out = np.empty((data.index.size, 3))
-    out[:, :2] = ols(data)
-    rho, _ = information.window_correlation(data.A[:, 0].copy(), data.f, WINDOW)
-    out[:, 2] = rho[WINDOW - 1 :]
+    out, index = np.empty((data.index.size, 3)), data.index
+
+    def work(rows: slice) -> None:
+        products, rho, _ = correlated_sums(data.A, data.f, WINDOW, index[rows])
+        out[rows, :2] = solve(products).theta.T
+        out[rows, 2] = rho
+
+    in_chunks(work, index.size)
     return out
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.information import correlated_sums
 from estimators.linear import condition_number, condition_numbers, lstsq, substitute
 from estimators.normal import gram, solve
 from estimators.rolling import sum_windows, window_ends
@@ -94,22 +95,34 @@ def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
     return out
 
 
-def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, Floats]:
-    """What a window promises before it is used: sqrt(σ̂² (G⁻¹)₁₁) of the first parameter.
+class Judged(NamedTuple):
+    """What a window shows before it is used, (rows,) each.
 
-    Textbook variance, so a measure to rank windows by, not the deviation that is reported.
-
-    Returns:
-        (rows,) predicted deviation and (rows,) condition number of the windows that end at index.
+    Attributes:
+        rho: correlation of the first column and the force.
+        spread: relative variance of the two (see `information`).
+        predicted: sqrt(σ̂² (G⁻¹)₁₁), the textbook's deviation of the first parameter: a measure to
+            rank windows by, not the deviation that is reported.
+        condition: condition number of the regressor.
     """
-    predicted, condition = np.empty(index.size), np.empty(index.size)
+
+    rho: Floats
+    spread: Floats
+    predicted: Floats
+    condition: Floats
+
+
+def judge_windows(A: Floats, f: Floats, window: int, index: Ints) -> Judged:
+    """What the gate asks of the windows that end at `index`, in one pass over the samples."""
+    out = Judged(*(np.empty(index.size) for _ in Judged._fields))
 
     def work(rows: slice) -> None:
-        products = sum_windows(A, f, window, index[rows])
-        predicted[rows], condition[rows] = promise(products, window)
+        products, *seen = correlated_sums(A, f, window, index[rows])
+        for whole, part in zip(out, (*seen, *promise(products, window)), strict=True):
+            whole[rows] = part
 
     in_chunks(work, index.size)
-    return predicted, condition
+    return out
 
 
 def promise(products: Floats, window: int) -> tuple[Floats, Floats]:

@@ -19,7 +19,7 @@ from estimators.compiled import compiled
 from estimators.fgls import FglsOptions, weigh
 from estimators.huber import HuberOptions, bend
 from estimators.information import correlation
-from estimators.linear import at, condition_number, condition_numbers, inverse_spd, pack, unpack
+from estimators.linear import condition_number, condition_numbers, inverse_spd, pack, unpack
 from estimators.ls import promise as ls_promise
 from estimators.normal import columns_of, gram, residual_squares, solve
 from estimators.pooled import PooledOptions, add_sample, without_noise
@@ -115,11 +115,9 @@ class Promise(NamedTuple):
 
 def promise(state: WindowState) -> Promise:
     """ρ of the first column and the force, their spread, predicted deviation and condition."""
-    q, window = state.z.shape
-    p = q - 1
-    lanes = [0, p, q, q + at(0, p, q), q + at(p, p, q)]
+    window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
-    correlation(state.moments[lanes], state.centre[[0, p]], window, rho, spread)
+    correlation(state.moments, state.centre, window, rho, spread)
     predicted, condition = ls_promise(state.products, window)
     return Promise(float(rho[0]), float(spread[0]), float(predicted[0]), float(condition[0]))
 
