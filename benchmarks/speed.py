@@ -152,7 +152,7 @@ def recursive(data: Data) -> Floats:
     theta[0] = solve(past[:6].reshape(-1, 1)).theta[:, 0]
     for of_chunk, of_rows, at_rows in chunks_of(seen):
         sums = feed_products(data.A, data.f, fed[of_chunk], 0.998, past)
-        theta[of_rows] = solve(sums[:6]).theta[:, at_rows].T
+        theta[of_rows] = np.take(solve(sums[:6]).theta, at_rows, axis=1).T
     return theta
 
 

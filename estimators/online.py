@@ -20,6 +20,7 @@ from estimators.fgls import FglsOptions, weigh
 from estimators.huber import HuberOptions, bend
 from estimators.information import correlation
 from estimators.linear import condition_number, condition_numbers, inverse_spd, pack, unpack
+from estimators.ls import least_squares
 from estimators.ls import promise as ls_promise
 from estimators.normal import columns_of, gram, residual_squares, solve
 from estimators.pooled import PooledOptions, add_sample, without_noise
@@ -124,8 +125,9 @@ def promise(state: WindowState) -> Promise:
 
 def ls(state: WindowState, mean: int) -> Estimate:
     """Ordinary least squares of the window that ends now."""
-    solved = solve(state.products)
-    return _estimate(state, solved.theta, gram(state.products), mean)
+    A, f, end = _as_log(state)
+    theta, _ = least_squares(A, f, f.size, end, state.products)
+    return _estimate(state, theta, gram(state.products), mean)
 
 
 def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:

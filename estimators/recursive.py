@@ -58,11 +58,17 @@ def stretch_end(fed: Ints, begin: int) -> int:
 
 
 @compiled
-def discount(terms: Floats, count: int, forgetting: float, past: Floats, sums: Floats) -> None:
-    """Sums λ s + term over `count` terms (lanes, ≥ count); past (lanes,) is s before and after."""
+def discount(
+    terms: Floats, begin: int, end: int, forgetting: float, past: Floats, sums: Floats
+) -> None:
+    """Put λ s + term into sums (lanes, ≥ end) from `begin` on, terms (lanes, ≥ end - begin) from 0.
+
+    `past` (lanes,) is s before and after.
+    """
+    count = end - begin
     for lane in range(0, past.size, 3):
         a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
-        x, y, z = sums[lane, :count], sums[lane + 1, :count], sums[lane + 2, :count]
+        x, y, z = sums[lane, begin:end], sums[lane + 1, begin:end], sums[lane + 2, begin:end]
         s, t, u = past[lane], past[lane + 1], past[lane + 2]
         for k in range(count):
             s = forgetting * s + a[k]
@@ -154,7 +160,7 @@ def discounted_meats(
                 term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
-        discount(terms, count, decay, past, sums)
+        discount(terms, 0, count, decay, past, sums)
         while row < seen.size and seen[row] <= end:
             for entry in range(entries):
                 out[row, entry] = sums[entry, seen[row] - 1 - begin]
@@ -175,14 +181,17 @@ def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floa
         past: (lanes,) packed sums before and after.
     """
     q = A.shape[1] + 1
-    z = np.empty((q, fed.size))
-    for k in range(fed.size):
-        for c in range(q - 1):
-            z[c, k] = A[fed[k], c]
-        z[q - 1, k] = f[fed[k]]
-    terms, sums = np.zeros((past.size, fed.size)), np.empty((past.size, fed.size))
-    sample_products(z, fed.size, terms)
-    discount(terms, fed.size, forgetting, past, sums)
+    z, terms = np.empty((q, _AT_ONCE)), np.zeros((past.size, _AT_ONCE))
+    sums = np.empty((past.size, fed.size))
+    begin = 0
+    while begin < fed.size:
+        end = stretch_end(fed, begin)
+        count = end - begin
+        load_columns(A, fed[begin], count, z)
+        z[q - 1, :count] = f[fed[begin] : fed[begin] + count]
+        sample_products(z, count, terms)
+        discount(terms, begin, end, forgetting, past, sums)
+        begin = end
     return sums
 
 

@@ -10,7 +10,9 @@ from estimators.rolling import load_columns, sample_products
 from estimators.trace import Floats, Ints
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
-AT_ONCE = 128
+AT_ONCE = 256
+#: Samples of a window that are added in one go.
+_IN_STEP = 4
 
 
 @compiled
@@ -29,19 +31,32 @@ def runs(index: Ints) -> Ints:
 
 @compiled
 def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
-    """Lay samples of [A f] from `first` on out a row a column, z (p + 1, ≥ samples)."""
+    """Lay samples of [A f] from `first` on out a row a column, z (p + 1, > samples), then zeros."""
     load_columns(A, first, samples, z)
     z[A.shape[1], :samples] = f[first : first + samples]
+    z[:, samples : samples + _IN_STEP] = 0.0
+
+
+@compiled
+def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
+    """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), but for the last entry."""
+    entries, m = sums.shape
+    u, v, w, x = weights[0], weights[1], weights[2], weights[3]
+    for entry in range(entries - 1):
+        total, product = sums[entry], raw[entry, sample : sample + m + _IN_STEP]
+        for k in range(m):
+            early = u[k] * product[k] + v[k] * product[k + 1]
+            total[k] += early + (w[k] * product[k + 2] + x[k] * product[k + 3])
 
 
 @compiled
 def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
     """Residuals (m,) of sample `sample` + k under estimate k of theta (p, m)."""
     p, m = theta.shape
-    force = z[p, sample : sample + m]
+    x, column, force = theta[0], z[0, sample : sample + m], z[p, sample : sample + m]
     for k in range(m):
-        out[k] = force[k]
-    for c in range(p):
+        out[k] = force[k] - x[k] * column[k]
+    for c in range(1, p):
         x, column = theta[c], z[c, sample : sample + m]
         for k in range(m):
             out[k] -= x[k] * column[k]
@@ -67,9 +82,9 @@ def reweighted_sums(
     """
     q = A.shape[1] + 1
     entries = q * (q + 1) // 2
-    z = np.empty((q, window + AT_ONCE))
-    raw = np.empty((entries, window + AT_ONCE))
-    weight = np.empty(AT_ONCE)
+    z = np.empty((q, window + AT_ONCE + _IN_STEP))
+    raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
+    weights = np.empty((_IN_STEP, AT_ONCE))
     out = np.zeros((entries, index.size))
     begins = runs(index)
     for number in range(begins.size - 1):
@@ -78,19 +93,20 @@ def reweighted_sums(
         m = end - begin
         first = index[begin] - window + 1
         load(A, f, first, window + m - 1, z)
-        sample_products(z, window + m - 1, raw)
+        sample_products(z, window + m - 1 + _IN_STEP, raw)
         now, full = theta[:, begin:end].copy(), limit[begin:end]
         sums = np.zeros((entries, m))
-        for s in range(window):
-            residuals(z, s, now, weight)
-            for k in range(m):
-                size = abs(weight[k])
-                # an exact fit leaves nothing to weigh by
-                share = full[k] / size if size > full[k] else 1.0
-                weight[k] = share * share if squared else share
-            for entry in range(entries - 1):
-                total, product = sums[entry], raw[entry, s : s + m]
+        for s in range(0, window, _IN_STEP):
+            for c in range(_IN_STEP):
+                weight = weights[c]
+                residuals(z, s + c, now, weight)
                 for k in range(m):
-                    total[k] += weight[k] * product[k]
+                    size = abs(weight[k])
+                    # an exact fit leaves nothing to weigh by
+                    share = full[k] / size if size > full[k] else 1.0
+                    weight[k] = share * share if squared else share
+                if s + c >= window:
+                    weight[:m] = 0.0
+            add_weighted(weights, raw, s, sums)
         out[:, begin:end] = sums
     return out

@@ -145,9 +145,9 @@ def _discounted(
         sums = feed_products(A, f, fed[of_chunk], forgetting, past)
         solved = solve(sums[:entries])
         weight = weights(sums.shape[1], forgetting, float(weight[-1]))
-        theta[of_rows] = solved.theta[:, at_rows].T
+        theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
         rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
-        condition[of_rows] = condition_numbers(sums[:, at_rows], p + 1, p)
+        condition[of_rows] = condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
     correlation, variance = _autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(begin.P))

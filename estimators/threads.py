@@ -4,12 +4,18 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
+import numpy as np
 from numba.core import config
 
 #: Windows that are worked on together: their sums stay in the cache, and Python costs nothing.
 CHUNK: Final = 8192
 #: Fewer chunks than these are not worth starting threads for.
 _WORTH_THREADS: Final = 8
+
+# glibc gives freed memory back to the system beyond a threshold that grows with the largest block
+# freed. Below it the arrays of every chunk would be paged in anew, which costs more than the work.
+_UNTOUCHED = np.empty(3 * 2**20)
+del _UNTOUCHED
 
 
 def in_chunks(work: Callable[[slice], None], rows: int) -> None:

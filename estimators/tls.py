@@ -19,8 +19,10 @@ from estimators.sandwich import window_deviation
 from estimators.threads import in_chunks
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
-#: Newton settles in about five; halving a bracket to working precision takes fifty.
+#: Newton settles in three or four; halving a bracket to working precision takes fifty.
 _MOST_STEPS = 100
+#: A change of λ, over fᵀf, that is no more than rounding.
+_SETTLED = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +89,12 @@ def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]
     roots = np.zeros((3, m))
     roots[2] = np.inf
     done = np.zeros(m, np.bool_)
+    x = _solve_shifted(C, shifted, roots[0])
     for _ in range(_MOST_STEPS):
-        x = _solve_shifted(C, shifted, roots[0])
         if _newton(C, x, roots, done):
             break
-    theta = _solve_shifted(C, shifted, roots[0]) / scale[:p, None]
-    return theta, gram(shifted * units)
+        x = _solve_shifted(C, shifted, roots[0])
+    return x / scale[:p, None], gram(shifted * units)
 
 
 def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
@@ -107,7 +109,10 @@ def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
 
 @compiled
 def _newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
-    """One step of λ, low and high (3, m) where it is not `done` (m,); whether all are now."""
+    """One step of λ, low and high (3, m) where it is not `done` (m,); whether all are now.
+
+    A step that would be a rounding is not taken, so that x (p, m) is the solution for λ.
+    """
     p, m = x.shape
     lam, low, high = roots[0], roots[1], roots[2]
     ff = C[at(p, p, p + 1)]
@@ -128,10 +133,10 @@ def _newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
         following = lam[k] + value[k] / slope[k]
         inside = following >= down and following <= up
         following = following if inside else 0.5 * (down + up)
-        settled = done[k] or abs(following - lam[k]) <= 1e-15 * ff[k] or np.isnan(following)
+        settled = done[k] or abs(following - lam[k]) <= _SETTLED * ff[k] or np.isnan(following)
         low[k] = down
         high[k] = up
-        lam[k] = lam[k] if done[k] else following
+        lam[k] = lam[k] if settled else following
         done[k] = settled
         unsettled += 0 if settled else 1
     return unsettled == 0
