@@ -101,6 +101,11 @@ class Design:
     scores: Sequence[Score]
     best: Score | None
 
+    @property
+    def reached(self) -> bool:
+        """Whether the best waveform is as accurate as asked for."""
+        return self.best is not None and self.best.relative_error <= self.accuracy
+
     def scenario(self, base: Scenario) -> Scenario:
         """The best waveform as the run of a scenario, after a short rest.
 
@@ -197,11 +202,12 @@ def _manoeuvre(
     scenario: Scenario, stage: Stage, shape: Shape, ways: Ways, response_s: Mapping[str, float]
 ) -> Excite:
     force_N, torque_N_m = (full / 2.0 if stage == "joint" else full for full in scenario.full_drive)
-    periods = {axis: _PERIOD_OVER_RESPONSE * each for axis, each in response_s.items()}
+    # to the millisecond, so that a person can read the scenario
+    periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
     if stage == "joint":
         ratio = periods["force"] / periods["torque"]
         if max(ratio, 1.0 / ratio) < _LEAST_PERIOD_RATIO:
-            periods["torque"] = periods["force"] * _OUT_OF_STEP
+            periods["torque"] = round(periods["force"] * _OUT_OF_STEP, 3)
     lowest = 0.0 if ways == "one way" else -1.0
     force = torque = None
     if "force" in periods:
@@ -271,7 +277,7 @@ def _score(
         manoeuvre=manoeuvre,
         start_s=first / rate_hz,
         predictions=predictions,
-        rank=rank(Channels(*(each[first : first + samples] for each in run))),
+        rank=rank(Channels._make(each[first : first + samples] for each in run)),
         condition=condition(stage, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,

@@ -16,21 +16,32 @@ import sys
 import tempfile
 from pathlib import Path
 
+from pydantic import BaseModel
+
 from analysis.settings import Settings, VerdictLimits
+from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
+from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
+from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, SimulatedTerrain
+from analysis.simulation.waveforms import ForceWave, TorqueWave
 
 REPO = Path(__file__).resolve().parent.parent
 PAGES = (
     REPO / "README.md",
-    *(REPO / "docs" / f"{name}.md" for name in ("first-recording", "machine-file", "commands")),
+    *(
+        REPO / "docs" / f"{name}.md"
+        for name in ("first-recording", "machine-file", "simulating", "commands")
+    ),
 )
 _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _SETTINGS = re.compile(r"(<!-- settings -->).*?(<!-- end of settings -->)", re.DOTALL)
+_SCENARIO = re.compile(r"(<!-- scenario -->).*?(<!-- end of scenario -->)", re.DOTALL)
 _NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 
 
 def updated(page: str, folder: Path) -> str:
     """The page with the output of its commands, and the settings, as they are now."""
     page = _SETTINGS.sub(lambda found: f"{found[1]}\n{settings_table()}\n{found[2]}", page)
+    page = _SCENARIO.sub(lambda found: f"{found[1]}\n{scenario_tables()}\n{found[2]}", page)
     return _BLOCK.sub(lambda block: f"```console\n{_run_block(block[1], folder)}```", page)
 
 
@@ -43,6 +54,33 @@ def settings_table() -> str:
                 default = json.dumps(field.default)
                 rows.append(f"| `{prefix}{name}` | `{default}` | {field.description or ''} |")
     return "\n".join(rows)
+
+
+def scenario_tables() -> str:
+    """Every key of a scenario file with its default and meaning, a table a section."""
+    sections: list[tuple[str, type[BaseModel]]] = [
+        (f"`[{name}]`", model)
+        for name, model in (
+            ("machine", SimulatedMachine),
+            ("campaign", SimulatedCampaign),
+            ("terrain", SimulatedTerrain),
+            ("sensors", SimulatedSensors),
+            ("log", SimulatedRecorder),
+        )
+    ]
+    for kind in (Rest, Start, Spin, Arc, Excite):
+        name = kind.model_fields["kind"].default
+        sections.append((f'`[[campaign.manoeuvres]]` `kind = "{name}"`', kind))
+    sections += [("`force` of an excitation", ForceWave), ("`torque`", TorqueWave)]
+    lines: list[str] = []
+    for title, model in sections:
+        lines += ["", f"**{title}** {' '.join((model.__doc__ or '').split())}", ""]
+        lines += ["| key | default | meaning |", "|---|---|---|"]
+        for name, field in model.model_fields.items():
+            if name != "kind":
+                default = "–" if field.is_required() else f"`{json.dumps(field.default)}`"
+                lines.append(f"| `{name}` | {default} | {field.description} |")
+    return "\n".join([*lines[1:], ""])
 
 
 def same(written: str, now: str) -> bool:

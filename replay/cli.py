@@ -12,7 +12,19 @@ from types import FrameType
 import typer
 
 from estimators.errors import PayscopeError
-from replay.commands import demo, info, init, plot, reproduce, run, show, simulate, sweep, view
+from replay.commands import (
+    demo,
+    excite,
+    info,
+    init,
+    plot,
+    reproduce,
+    run,
+    show,
+    simulate,
+    sweep,
+    view,
+)
 
 app = typer.Typer(
     name="payscope",
@@ -22,7 +34,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for _command in (demo, info, init, run, show, plot, view, sweep, reproduce, simulate):
+_COMMANDS = (demo, info, init, run, show, plot, view, sweep, reproduce, excite, simulate)
+for _command in _COMMANDS:
     app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
 
 

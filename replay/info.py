@@ -126,6 +126,11 @@ def _troubles(info: LogInfo) -> Iterator[str]:
     for row in info.topics.iter_rows(named=True):
         if row["problem"] and row["topic"] not in told:
             yield f"{row['topic']} (no messages): {row['problem']}"
+        if row["decoder"] == "rosbags":
+            yield (
+                f"{row['topic']}: read message by message with rosbags, which is slow: "
+                f"{row['type']} has a field that columns are not made of"
+            )
 
 
 def _seconds(stamp_ns: int | None, start_ns: int | None) -> str:

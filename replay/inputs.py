@@ -48,37 +48,33 @@ def read_channels(
                 fields.append(field)
     losses: list[Loss] = []
     has = {log: set(log.topics()["topic"]) for log in logs}
-    raw: dict[str, pl.DataFrame] = {}
-    for topic, fields in wanted.items():
-        holders = [log for log in logs if topic in has[log]]
-        filled = [
-            name
-            for name, channel in machine.channels.items()
-            if channel.fields and (channel.topic or "table") == topic
-        ]
-        # what no estimate needs must not stop one
-        hint = HINTS.issuperset(filled)
-        if not holders:
-            known = sorted(set().union(*has.values()))
-            names = ", ".join(str(log.path) for log in logs)
-            fault = (
-                f"no topic '{topic}'; {nearest(topic, known)} "
-                f"Set channels.{filled[0]}.topic in the machine file."
-            )
-            if not hint:
-                raise LogError(f"{names}: {fault}")
+    # what no estimate needs must not stop one
+    hints = {topic for topic in wanted if HINTS.issuperset(_filled_by(topic, machine))}
+    for topic in list(wanted):
+        if not any(topic in topics for topics in has.values()):
+            fault = _unknown_topic(topic, has, machine)
+            if topic not in hints:
+                raise LogError(f"{', '.join(str(log.path) for log in logs)}: {fault}")
             losses += [Loss(source=log.path.name, what=fault) for log in logs]
+            del wanted[topic]
             continue
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if log not in holders
+            if topic not in has[log]
         ]
-        parts = {log: log.read(topic, fields) for log in holders}
+    read = {
+        log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
+        for log in logs
+    }
+    raw: dict[str, pl.DataFrame] = {}
+    for topic in wanted:
+        parts = {log: frames.pop(topic) for log, frames in read.items() if topic in frames}
         _refuse_overlap(topic, parts)
         # a column of whole numbers in one table may have fractions in the next
         frame = pl.concat(parts.values(), how="vertical_relaxed")
-        if frame.is_empty() and hint:
+        holders = list(parts)
+        if frame.is_empty() and topic in hints:
             losses.append(
                 Loss(source=holders[0].path.name, topic=topic, what="the topic has no messages")
             )
@@ -91,6 +87,23 @@ def read_channels(
     for log in logs:
         losses += log.losses()
     return raw, losses
+
+
+def _filled_by(topic: str, machine: Machine) -> list[str]:
+    """The channels that a topic fills."""
+    return [
+        name
+        for name, channel in machine.channels.items()
+        if channel.fields and (channel.topic or "table") == topic
+    ]
+
+
+def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
+    """The fault, the choices and the remedy."""
+    return (
+        f"no topic '{topic}'; {nearest(topic, set().union(*has.values()))} "
+        f"Set channels.{_filled_by(topic, machine)[0]}.topic in the machine file."
+    )
 
 
 def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:

@@ -1,6 +1,6 @@
 """A simulated log that is replayed from memory, without a file between."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -69,6 +69,15 @@ class MemoryLog:
         if end_ns is not None:
             frame = frame.filter(time <= end_ns)
         return frame.select(*_STAMPS, *fields).sort("log_time_ns", maintain_order=True)
+
+    def read_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> dict[str, pl.DataFrame]:
+        """Fields of several topics; see `Log.read_many`."""
+        return {topic: self.read(topic, names, start_ns, end_ns) for topic, names in fields.items()}
 
     def losses(self) -> tuple[Loss, ...]:
         """None."""

@@ -1,6 +1,6 @@
 """A log whose topics are decoded once, however often it is replayed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -43,10 +43,20 @@ class ReadOnce:
         end_ns: int | None = None,
     ) -> pl.DataFrame:
         """What the log reads, decoded the first time alone."""
-        wanted = (topic, tuple(fields), start_ns, end_ns)
-        if wanted not in self._kept:
-            self._kept[wanted] = self._log.read(topic, fields, start_ns, end_ns)
-        return self._kept[wanted]
+        return self.read_many({topic: fields}, start_ns, end_ns)[topic]
+
+    def read_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> dict[str, pl.DataFrame]:
+        """What the log reads in one pass; topics that were decoded before are not read again."""
+        wanted = {topic: (topic, tuple(names), start_ns, end_ns) for topic, names in fields.items()}
+        new = {topic: fields[topic] for topic, key in wanted.items() if key not in self._kept}
+        for topic, frame in self._log.read_many(new, start_ns, end_ns).items() if new else ():
+            self._kept[wanted[topic]] = frame
+        return {topic: self._kept[key] for topic, key in wanted.items()}
 
     def losses(self) -> tuple[Loss, ...]:
         """The log's losses."""

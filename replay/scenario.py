@@ -1,16 +1,53 @@
-"""Scenario files."""
+"""Scenario files: read, and written."""
 
+import json
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from analysis.simulation import Scenario
 from estimators.errors import ScenarioError
-from replay.toml_file import read_model
+from replay.toml_file import read_toml, set_value, validate
 
 
-def load_scenario(path: Path | str) -> Scenario:
+def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Scenario:
     """Read a scenario file; what it leaves out is as in the paper's campaign.
+
+    Args:
+        path: a TOML file; without one, the paper's machine without load, one run.
+        overrides: `key=value` with dotted keys, values as TOML writes them.
 
     Raises:
         ScenarioError: in one line: the file, the key, what is wrong with it.
     """
-    return read_model(Path(path), Scenario, ScenarioError)
+    content: dict[str, Any] = {"campaign": {"loads_kg": [0.0], "runs": 1}}
+    if path is not None:
+        content = read_toml(Path(path), ScenarioError)
+    for override in overrides:
+        set_value(content, override, ScenarioError)
+    return validate(Path(path or "--set"), content, Scenario, ScenarioError)
+
+
+def scenario_text(scenario: Scenario) -> str:
+    """A scenario file that reads back as `scenario`: what differs from the defaults."""
+    sections = scenario.model_dump(mode="json", exclude_defaults=True)
+    manoeuvres = [each.model_dump(exclude_none=True) for each in scenario.campaign.manoeuvres]
+    blocks: list[str] = []
+    for name, section in sections.items():
+        section.pop("manoeuvres", None)
+        if section:
+            blocks.append(_block(f"[{name}]", section))
+    blocks += [_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
+    return "\n".join(blocks)
+
+
+def _block(title: str, values: Mapping[str, Any]) -> str:
+    return "".join([f"{title}\n", *(f"{key} = {_value(value)}\n" for key, value in values.items())])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        inside = ", ".join(f"{key} = {_value(each)}" for key, each in value.items())
+        return f"{{ {inside} }}"
+    # numbers, texts and lists of them are written alike in JSON and TOML
+    return json.dumps(value)

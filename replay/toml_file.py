@@ -50,6 +50,25 @@ def read_value(text: str) -> Any:
         return text.strip()
 
 
+def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]) -> None:
+    """Put `key=value` into `content`: a dotted key, a value as TOML writes it or a bare word.
+
+    Raises:
+        PayscopeError: as `error`: it is not written like that, or the key leads through a value.
+    """
+    key, equals, text = override.partition("=")
+    if not equals or not key.strip():
+        raise error(f"--set {override}: write it as key=value, as settings.rate_hz=50")
+    value = read_value(text)
+    *sections, name = key.strip().split(".")
+    place = content
+    for section in sections:
+        place = place.setdefault(section, {})
+        if not isinstance(place, dict):
+            raise error(f"--set {override}: '{section}' is a value, not a section")
+    place[name] = value
+
+
 def validate(
     path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
 ) -> _Model:

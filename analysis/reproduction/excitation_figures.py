@@ -77,7 +77,11 @@ def fig_3_item(campaign: Campaign) -> Item:
         "Figure 3: mass and friction in a linear motion, window of 10 s",
         (_NO_GATE,),
         series,
-        (_within(series, "mass_kg", "true_mass_kg", "kg"), _converging(series), _NO_NUMBERS),
+        (
+            _within(series, "mass_kg", "true_mass_kg", "kg"),
+            _converging(series, settings),
+            _NO_NUMBERS,
+        ),
     )
 
 
@@ -188,7 +192,7 @@ def _attenuated(series: pl.DataFrame) -> str:
     )
 
 
-def _converging(series: pl.DataFrame) -> str:
+def _converging(series: pl.DataFrame, settings: Settings) -> str:
     """How LS and RLS stray at first, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
@@ -200,6 +204,7 @@ def _converging(series: pl.DataFrame) -> str:
         .agg(pl.col("square").mean())
         .iter_rows()
     }
+    memory = (1.0 + settings.forgetting) / (1.0 - settings.forgetting)
     later = rms["rls", False] / rms["ls", False]
     alike = 0.8 < later < 1.25
     told = "about as sensitive to noise as" if alike else "less sensitive to noise than"
@@ -209,6 +214,7 @@ def _converging(series: pl.DataFrame) -> str:
         f"{rms['rls', True]:.0f} kg r.m.s., LS by {rms['ls', True]:.0f} kg; later by "
         f"{rms['rls', False]:.0f} and {rms['ls', False]:.0f} kg. RLS is slower to converge, as the "
         "paper says: it starts from the OLS estimate of the first window, but with P0 = I/σ² it "
-        f"takes that for little more than a guess. Later it is {told} LS: "
-        "at λ = 0.998 it weighs as many samples as a window of 10 s holds, (1 + λ)/(1 - λ)."
+        f"takes that for little more than a guess. Later it is {told} LS: its weights are worth "
+        f"(1 + λ)/(1 - λ) = {memory:.0f} samples, a window of {WINDOW_S:g} s holds "
+        f"{settings.window_samples}."
     )

@@ -1,9 +1,13 @@
 """What Table 1 found anew says about the printed one."""
 
+from math import log
+
 import polars as pl
 
 from analysis.reproduction import paper
 from analysis.reproduction.item import NAMES, Item, listed, lowest
+from analysis.simulation.scenario import SimulatedSensors
+from estimators.rls import RlsOptions
 
 #: A normal error is larger than so many of its standard deviations once in twenty times.
 _RARE = 1.96
@@ -94,8 +98,11 @@ def _recursive(table: pl.DataFrame) -> list[str]:
     if rls.is_empty():
         return []
     last = rls.row(-1, named=True)
+    forgetting = RlsOptions().forgetting
+    half_s = log(0.5) / log(forgetting) / SimulatedSensors().rate_hz
     return [
-        f"RLS forgets (λ = 0.998: half in 3.5 s), so a longer window helps it little: at "
+        f"RLS forgets (λ = {forgetting:g}: half in {half_s:.1f} s), so a longer window helps it "
+        f"little: at "
         f"{last['window_s']:g} s it is at {last['over_bound_1']:.1f} times the bound."
     ]
 

@@ -20,9 +20,11 @@ class SimulatedMachine(BaseModel):
 
     model_config = _FORBID
 
-    mass_kg: float = Field(default=3614.0, gt=0, le=1e6)
-    friction_N_s_m: float = Field(default=2891.0, ge=0, le=1e6)
-    coulomb_N: float = Field(default=0.0, ge=0, le=1e6)
+    mass_kg: float = Field(default=3614.0, gt=0, le=1e6, description="mass without load")
+    friction_N_s_m: float = Field(
+        default=2891.0, ge=0, le=1e6, description="viscous friction of driving"
+    )
+    coulomb_N: float = Field(default=0.0, ge=0, le=1e6, description="Coulomb friction of driving")
     inertia_z_kg_m2: float = Field(
         default=4000.0, gt=0, le=1e7, description="yaw inertia about the origin"
     )
@@ -47,8 +49,10 @@ class SimulatedMachine(BaseModel):
         default=1.5, ge=-10, le=10, description="where the load sits, ahead of the origin"
     )
     load_y_m: float = Field(default=0.0, ge=-10, le=10, description="and to the left")
-    wheel_radius_m: float = Field(default=0.42, gt=0, le=10)
-    track_width_m: float = Field(default=1.5, gt=0, le=10)
+    wheel_radius_m: float = Field(default=0.42, gt=0, le=10, description="wheel radius")
+    track_width_m: float = Field(
+        default=1.5, gt=0, le=10, description="between the wheels of both sides"
+    )
     force_share: float = Field(
         default=0.5, gt=0, le=1, description="share of the force on the wheels with torque sensors"
     )
@@ -60,15 +64,22 @@ class SimulatedCampaign(BaseModel):
     model_config = _FORBID
 
     loads_kg: tuple[float, ...] = Field(
-        default=(0.0, 50.0, 100.0, 150.0, 200.0, 250.0), min_length=1, max_length=100
+        default=(0.0, 50.0, 100.0, 150.0, 200.0, 250.0),
+        min_length=1,
+        max_length=100,
+        description="loads in the bucket, a log each",
     )
-    runs: int = Field(default=9, ge=1, le=1000)
-    standstill_s: float = Field(default=5.0, ge=0, le=600)
-    start_s: float = Field(default=3.0, ge=0.001, le=600, description="full throttle")
+    runs: int = Field(default=9, ge=1, le=1000, description="runs a load")
+    standstill_s: float = Field(default=5.0, ge=0, le=600, description="standstill before a start")
+    start_s: float = Field(
+        default=3.0, ge=0.001, le=600, description="full throttle, unless manoeuvres say otherwise"
+    )
     cruise_s: float = Field(
         default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the speed"
     )
-    throttle_force_N: float = Field(default=6000.0, gt=0, le=1e7)
+    throttle_force_N: float = Field(
+        default=6000.0, gt=0, le=1e7, description="drive force of full throttle"
+    )
     valve_lag_s: float = Field(
         default=0.08, ge=0.001, le=10, description="first-order lag of drive and brakes"
     )
@@ -116,7 +127,7 @@ class SimulatedTerrain(BaseModel):
     model_config = _FORBID
 
     slope_deg: float = Field(default=0.0, ge=-30, le=30, description="positive drives uphill")
-    gravity_m_s2: float = Field(default=9.80665, gt=9.7, lt=9.9)
+    gravity_m_s2: float = Field(default=9.80665, gt=9.7, lt=9.9, description="local gravity")
 
     @property
     def slope_rad(self) -> float:

@@ -160,7 +160,8 @@ def _imu(scenario: Scenario, motion: Channels) -> dict[str, _Signal]:
     force_z = zero + terrain.gravity_m_s2 * np.cos(terrain.slope_rad)
     uphill = np.sin(terrain.slope_rad)
     pitch = np.arcsin(uphill * np.cos(motion.heading_rad))
-    roll = np.arctan2(-uphill * np.sin(motion.heading_rad), np.cos(terrain.slope_rad))
+    # on level ground 0, not -0
+    roll = np.arctan2(0.0 - uphill * np.sin(motion.heading_rad), np.cos(terrain.slope_rad))
     acc = (sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
     gyro = (sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
     bias = sensors.gyro_bias_rad_s

@@ -14,11 +14,15 @@ def command(
             "-o", "--output", help="The log: .bag, .mcap, .csv, or no suffix for rosbag2."
         ),
     ],
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override the scenario; repeatable."),
+    ] = None,
     force: Annotated[bool, typer.Option(help="Replace existing logs.")] = False,
 ) -> None:
     """Simulate a scenario as real logs, one a load, with the truth beside each."""
     from replay.scenario import load_scenario
     from replay.simulate import simulate
 
-    for path in simulate(load_scenario(scenario), output, force=force):
+    for path in simulate(load_scenario(scenario, overrides or []), output, force=force):
         typer.echo(str(path))

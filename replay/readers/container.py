@@ -4,12 +4,13 @@ import struct
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import Loss
+from replay.decoding.batch import RawBatch
 
 #: What the format libraries raise on bytes that are not what they should be, their own errors
 #: aside (lz4 raises RuntimeError, bz2 OSError and EOFError, rosbags asserts).
@@ -42,14 +43,6 @@ class Connection:
     definition_format: str
 
 
-class RawMessage(NamedTuple):
-    """A message as stored."""
-
-    connection_id: int
-    log_time_ns: int
-    data: bytes
-
-
 class Container(Protocol):
     """Where messages come from. Losses grow while it is read."""
 
@@ -62,15 +55,16 @@ class Container(Protocol):
         ...
 
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a connection, from the index where there is one, in any order."""
+        """The log times of a connection in ns, from the index where there is one, in any order."""
         ...
 
-    def messages(
+    def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawMessage]:
-        """Messages of some connections, both bounds inclusive, in any order.
+    ) -> Iterator[RawBatch]:
+        """Messages of some connections in file order, both bounds inclusive.
 
-        Damage ends up in `losses`; it raises nothing.
+        A batch is done with when the next one is asked for: its memory is used again. Damage ends
+        up in `losses`; it raises nothing.
         """
         ...
 

@@ -39,12 +39,23 @@ _RELEASES: Final = (
     Stores.ROS2_DASHING,
     Stores.LATEST,
 )
-_DECODABLE: Final = {"ros1": ("ros1msg",), "cdr": ("ros2msg", "ros2idl", "")}
+_DECODABLE: Final = {
+    "ros1": ("ros1msg",),
+    "cdr": ("ros2msg", "ros2idl", ""),
+    "json": ("jsonschema",),
+    "protobuf": ("protobuf",),
+}
 _IDL_SEPARATOR: Final = "=" * 80 + "\n"
 #: parts request from reply
 _SERVICE_RULE: Final = "---"
 #: rosbags gives an empty ROS 2 message the byte that DDS sends for it
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
+#: Far beyond any type that a robot sends; a few lines of a definition can ask for much more.
+_MOST_FIELDS: Final = 20_000
+_DEEPEST: Final = 64
+_LARGEST_ARRAY: Final = 2**30
+#: rosbags writes code for each element of an array of messages or strings
+_MOST_ELEMENTS: Final = 2**16
 
 
 class DefinitionError(Exception):
@@ -62,8 +73,10 @@ def compile_type(connection: Connection) -> MessageType:
         kind = connection.definition_format or "no"
         raise DefinitionError(
             f"no decoder for encoding '{connection.encoding}' with {kind} definition; "
-            "there is one for cdr (ros2msg, ros2idl) and ros1 (ros1msg)"
+            "there is one for cdr (ros2msg, ros2idl), ros1 (ros1msg), json (jsonschema), protobuf"
         )
+    if connection.encoding in ("json", "protobuf"):
+        return _self_described(connection)
     if _SERVICE_RULE in connection.definition.split("\n"):
         raise DefinitionError(
             f"the log holds the definition of a service in place of {connection.type}'s own, "
@@ -71,13 +84,30 @@ def compile_type(connection: Connection) -> MessageType:
         )
     try:
         store = _typestore(connection)
-        record = _record(store, connection.type, ())
+        record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
     except (TypesysError, SyntaxError, *BROKEN_BYTES) as error:
         reason = shorten(str(error), 160)
         raise DefinitionError(
             f"the definition of {connection.type} cannot be parsed: {reason}"
         ) from error
-    return MessageType(record, _decoder(store, connection))
+    return MessageType(record, connection.encoding == "ros1", _decoder(store, connection))
+
+
+def _self_described(connection: Connection) -> MessageType:
+    try:
+        if connection.encoding == "json":
+            from replay.readers.json_types import json_type
+
+            return json_type(connection.type, connection.definition)
+        from replay.readers.protobuf_types import protobuf_type
+
+        descriptors = connection.definition.encode(errors="surrogateescape")
+        return protobuf_type(connection.type, descriptors)
+    except (AttributeError, *BROKEN_BYTES) as error:  # JSON may hold anything anywhere
+        reason = shorten(str(error), 160)
+        raise DefinitionError(
+            f"the definition of {connection.type} cannot be used: {reason}"
+        ) from error
 
 
 def _typestore(connection: Connection) -> Typestore:
@@ -108,32 +138,54 @@ def _released(name: str) -> Typestore:
     )
 
 
-def _record(store: Typestore, name: str, above: tuple[str, ...]) -> Record:
-    if name in above:
-        raise DefinitionError(f"the definition of {name} contains itself")
-    if name not in store.fielddefs:
-        raise DefinitionError(f"the definition of {above[0] if above else name} lacks {name}")
-    return Record(
-        name,
-        tuple(
-            (field, _field_type(store, description, (*above, name)))
-            for field, description in store.fielddefs[name][1]
-            if field != _PLACEHOLDER
-        ),
-    )
+class _Records:
+    """Turns definitions into records, all of what they name inside them."""
 
+    def __init__(self, store: Typestore, *, ros1: bool) -> None:
+        self._store = store
+        self._byte = Scalar("int8" if ros1 else "uint8")
+        self._left = _MOST_FIELDS
 
-def _field_type(store: Typestore, description: Any, above: tuple[str, ...]) -> FieldType:
-    node, detail = description
-    if node == Nodetype.NAME:
-        return Scalar("stamp") if detail in STAMP_TYPES else _record(store, detail, above)
-    if node == Nodetype.BASE:
-        if detail[0] not in COLUMN_DTYPES:
-            raise DefinitionError(f"{above[-1]} has a field of type {detail[0]}, not supported")
-        return Scalar(detail[0])
-    element = _field_type(store, detail[0], above)
-    assert not isinstance(element, ListOf), "ROS has no lists of lists"
-    return ListOf(element, detail[1] if node == Nodetype.ARRAY else None)
+    def record(self, name: str, above: tuple[str, ...] = (), repeated: int = 1) -> Record:
+        if name in above:
+            raise DefinitionError(f"the definition of {name} contains itself")
+        if name not in self._store.fielddefs:
+            raise DefinitionError(f"the definition of {above[0] if above else name} lacks {name}")
+        if len(above) == _DEEPEST:
+            raise DefinitionError(f"the definition of {above[0]} is deeper than {_DEEPEST} levels")
+        within = (*above, name)
+        fields: list[tuple[str, FieldType]] = []
+        for field, description in self._store.fielddefs[name][1]:
+            self._left -= 1
+            if self._left < 0:
+                raise DefinitionError(f"{within[0]} has more than {_MOST_FIELDS} fields")
+            if field != _PLACEHOLDER:
+                fields.append((field, self._field(description, within, repeated)))
+        return Record(name, tuple(fields))
+
+    def _field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
+        node, detail = description
+        if node == Nodetype.NAME:
+            # rosbags refuses other definitions of these
+            if detail in STAMP_TYPES:
+                return Scalar("stamp")
+            return self.record(detail, above, repeated)
+        if node == Nodetype.BASE:
+            kind = detail[0]
+            if kind not in COLUMN_DTYPES:
+                raise DefinitionError(f"{above[-1]} has a field of type {kind}, not supported")
+            return self._byte if kind == "byte" else Scalar(kind)
+        length = detail[1] if node == Nodetype.ARRAY else None
+        element = self._field(detail[0], above, repeated * (length or 1))
+        assert not isinstance(element, ListOf), "ROS has no lists of lists"
+        if length is not None:
+            numbers = isinstance(element, Scalar) and element.kind != "string"
+            most = _LARGEST_ARRAY if numbers else _MOST_ELEMENTS // repeated
+            if length > most:
+                raise DefinitionError(
+                    f"{above[-1]} has an array of {length} elements, not supported"
+                )
+        return ListOf(element, length)
 
 
 def _decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:

@@ -2,13 +2,25 @@
 
 import re
 from dataclasses import dataclass
+from typing import Final
 
-from polars.datatypes import DataTypeClass
+import polars as pl
 
 from estimators.errors import nearest
-from replay.readers.message_types import COLUMN_DTYPES, ListOf, Record, Scalar, leaves
+from replay.readers.message_types import (
+    COLUMN_DTYPES,
+    ELEMENT_DTYPES,
+    ListOf,
+    Record,
+    Scalar,
+    leaves,
+)
 
-_STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]+)\])?(?:\.(?=.)|$)")
+#: What every frame has beside the fields.
+OWN_COLUMNS: Final = ("log_time_ns", "header_stamp_ns")
+#: `effort[]`: every element of a list.
+ALL: Final = ""
+_STEP = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\[(?P<element>[^\]]*)\])?(?:\.(?=.)|$)")
 
 
 class FieldError(Exception):
@@ -17,10 +29,10 @@ class FieldError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """From a message to one of its fields, or to an element of a list in it.
+    """From a message to one of its fields, or to elements of a list in it.
 
-    `element` is None for the field itself, an index, or a name that the message's `name` list
-    holds at the same place.
+    `element` is None for the field itself, an index, a name that the message's `name` list holds
+    at the same place, or `ALL`.
     """
 
     name: str
@@ -36,17 +48,27 @@ class Field:
     steps: tuple[Step, ...]
 
     @property
-    def dtype(self) -> DataTypeClass:
-        """What its column holds."""
-        return COLUMN_DTYPES[self.kind]
+    def dtype(self) -> pl.DataType:
+        """What its column holds: a list for each `[]` on the way."""
+        spreads = sum(step.element == ALL for step in self.steps)
+        dtype = (ELEMENT_DTYPES if spreads else COLUMN_DTYPES)[self.kind]
+        for _ in range(spreads):
+            dtype = pl.List(dtype)
+        return dtype
 
 
 def resolve(name: str, record: Record) -> Field:
-    """Find a field (`angular_velocity.z`, `covariance[0]`, `effort[left]`) in a message type.
+    """Find a field of a message type.
+
+    Args:
+        name: `angular_velocity.z`, `covariance[0]`, `effort[left]`, or all of a list, `effort[]`.
+        record: the type.
 
     Raises:
         FieldError: there is no such field, or it is not a single value.
     """
+    if name in OWN_COLUMNS:
+        raise FieldError(f"'{name}' is a column of every topic; a field of that name is not read")
     steps = _parse(name)
     here = Scalar("") if not steps else record
     walked = ""
@@ -84,13 +106,18 @@ def _parse(name: str) -> tuple[Step, ...]:
 
 
 def _element(text: str | None) -> int | str | None:
-    return int(text) if text is not None and text.isascii() and text.isdigit() else text
+    if text is None or not (text.isascii() and text.isdigit()):
+        return text
+    # lists count in 32 bits; Python refuses to read numbers of thousands of digits
+    return int(text) if len(text) < 19 else 2**63 - 1
 
 
 def _check_element(walked: str, step: Step, kind: ListOf, parent: Record) -> None:
     by_name = f" or by name, {walked}[NAME]" if parent.has_names else ""
     if step.element is None:
         raise FieldError(f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}")
+    if step.element == ALL:
+        return
     if isinstance(step.element, str):
         if not parent.has_names:
             raise FieldError(

@@ -1,24 +1,27 @@
 """A log of messages: a container, the types of its topics, and the fields picked from them."""
 
 import weakref
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import polars as pl
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
+from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
 from replay.readers.container import Connection, Container, LossList
-from replay.readers.decode import Tally, decode_batches, schema_of
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
 from replay.readers.message_types import MessageType, leaves
 from replay.readers.topics import TOPICS_SCHEMA, timing
+
+if TYPE_CHECKING:
+    from replay.decoding.stream import Stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +71,7 @@ class MessageLog:
             **timing(np.concatenate([self._container.log_times(c.id) for c in topic.connections])),
             "fields": list(leaves(topic.kind.record)) if topic.kind else [],
             "problem": topic.problem,
+            "decoder": decoder_name(topic.kind) if topic.kind else None,
         }
 
     def read(
@@ -78,29 +82,54 @@ class MessageLog:
         end_ns: int | None = None,
     ) -> pl.DataFrame:
         """Read fields of one topic; see `Log.read`."""
+        return self.read_many({topic: fields}, start_ns, end_ns)[topic]
+
+    def read_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> dict[str, pl.DataFrame]:
+        """Read fields of several topics in one pass; see `Log.read_many`."""
         self._check_open()
+        readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
+        streams = {
+            c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
+        }
+        for batch in self._container.batches(list(streams), start_ns, end_ns):
+            streams[batch.connection_id].take(batch)
+        return {topic: self._finish(topic, reading) for topic, reading in readings.items()}
+
+    def _reading(self, topic: str, fields: Sequence[str]) -> "Stream":
+        # numba is slow to import, and a log can be described without it
+        from replay.decoding.stream import Stream
+
         found = self._topics.get(topic)
         if found is None:
             raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
         if found.kind is None:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         picked = self._resolve(topic, fields, found.kind)
-        tally = Tally()
-        messages = self._container.messages([c.id for c in found.connections], start_ns, end_ns)
-        batches = decode_batches(messages, found.kind, picked, tally)
-        frame = pl.concat([pl.DataFrame(schema=schema_of(picked)), *batches])
-        self._judge(topic, found.kind, tally)
+        return Stream(make_decoder(found.kind, picked), schema_of(picked))
+
+    def _finish(self, topic: str, stream: "Stream") -> pl.DataFrame:
+        frame = stream.finish()
+        self._judge(topic, stream.tally)
+        if frame["log_time_ns"].is_sorted():
+            return frame
         return frame.sort("log_time_ns", maintain_order=True)
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
         try:
-            return [resolve(field, kind.record) for field in dict.fromkeys(fields)]
+            return [resolve(name, kind.record) for name in dict.fromkeys(fields)]
         except FieldError as error:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
-    def _judge(self, topic: str, kind: MessageType, tally: Tally) -> None:
+    def _judge(self, topic: str, tally: Tally) -> None:
         if not tally.undecodable:
             return
+        kind = self._topics[topic].kind
+        assert kind is not None, "it was read"
         total = tally.rows + tally.undecodable
         if not tally.rows:
             raise LogError(

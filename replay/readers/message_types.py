@@ -5,24 +5,40 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import polars as pl
-from polars.datatypes import DataTypeClass
+
+from replay.decoding.library import ROSBAGS, Library
 
 STAMP_TYPES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER_TYPE: Final = "std_msgs/msg/Header"
 
 #: What a scalar becomes in a column. A stamp is nanoseconds. uint64 keeps its full range.
-COLUMN_DTYPES: Final[dict[str, DataTypeClass]] = {
-    "bool": pl.Boolean,
-    "string": pl.String,
-    "wstring": pl.String,
-    "float32": pl.Float64,
-    "float64": pl.Float64,
-    "float128": pl.Float64,
-    "uint64": pl.UInt64,
-    "stamp": pl.Int64,
+COLUMN_DTYPES: Final[dict[str, pl.DataType]] = {
+    "bool": pl.Boolean(),
+    "string": pl.String(),
+    "wstring": pl.String(),
+    "float32": pl.Float64(),
+    "float64": pl.Float64(),
+    "float128": pl.Float64(),
+    "uint64": pl.UInt64(),
+    "stamp": pl.Int64(),
     **dict.fromkeys(
-        ("byte", "char", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64"), pl.Int64
+        ("byte", "char", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64"),
+        pl.Int64(),
     ),
+}
+
+#: What it becomes in a column of lists, where a number keeps its size: an image stays bytes.
+ELEMENT_DTYPES: Final[dict[str, pl.DataType]] = {
+    **COLUMN_DTYPES,
+    "float32": pl.Float32(),
+    "byte": pl.Int8(),
+    "int8": pl.Int8(),
+    "int16": pl.Int16(),
+    "int32": pl.Int32(),
+    "char": pl.UInt8(),
+    "uint8": pl.UInt8(),
+    "uint16": pl.UInt16(),
+    "uint32": pl.UInt32(),
 }
 
 
@@ -76,7 +92,10 @@ class MessageType:
     """How one topic's messages look, and what turns the stored bytes into an object of them."""
 
     record: Record
+    ros1: bool
     decode: Callable[[bytes], Any]
+    #: whose objects `decode` gives
+    library: Library = ROSBAGS
 
 
 def leaves(record: Record, prefix: str = "") -> Iterator[str]:

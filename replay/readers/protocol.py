@@ -1,6 +1,6 @@
 """What every log reader offers; nothing else of a reader is used."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -31,7 +31,8 @@ class Log(Protocol):
         (String), messages (Int64), start_ns, end_ns (Int64 log times, null when empty), rate_hz
         (Float64 mean rate, null below two messages), longest_gap_s (Float64, likewise), fields
         (List[String], dotted leaves; a list shows as `effort[]`), problem (String: why it cannot
-        be decoded, else null).
+        be decoded, else null), decoder (String: columnar, or rosbags for a type that is read
+        message by message, some fifty times slower; null where there is a problem).
         """
         ...
 
@@ -47,8 +48,8 @@ class Log(Protocol):
         Args:
             topic: its name, as `topics()` lists it (a table has the one topic `table`).
             fields: dotted names (`angular_velocity.z`), an element by index (`covariance[0]`) or,
-                in a message with a `name` list, by name (`effort[left]`). Checked against the
-                message definition before any message is decoded.
+                in a message with a `name` list, by name (`effort[left]`), or a list as a whole
+                (`effort[]`). Checked against the message definition before any message is decoded.
             start_ns: first log time, inclusive.
             end_ns: last log time, inclusive.
 
@@ -56,10 +57,31 @@ class Log(Protocol):
             log_time_ns (Int64), header_stamp_ns (Int64, null where there is none), then a column
             a field, named as asked: Float64 for floats, Int64 for integers (UInt64 for uint64,
             so that no value is lost), Int64 nanoseconds for stamps and durations
-            (`header.stamp`), Boolean, String. An element that a message does not have is null.
+            (`header.stamp`), Boolean, String. A whole list is a List, one in another for each
+            `[]`, in which numbers keep their size (List[Float32], List[UInt8]). An element that a
+            message does not have is null. Messages that are not whole have no row, whichever
+            fields are asked for.
 
         Raises:
             LogError: no such topic or field (with the choices), or a topic that cannot be decoded.
+        """
+        ...
+
+    def read_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> dict[str, pl.DataFrame]:
+        """Read fields of several topics in one pass over the log, each as `read` gives it.
+
+        Args:
+            fields: by topic.
+            start_ns: first log time, inclusive.
+            end_ns: last log time, inclusive.
+
+        Raises:
+            LogError: as `read`.
         """
         ...
 

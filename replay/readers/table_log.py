@@ -1,7 +1,7 @@
 """Tables as logs: `.csv` and `.parquet` with one topic, `table`, and a time column."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -124,6 +124,7 @@ class TableLog:
             **timing(self._times.drop_nulls().to_numpy()),
             "fields": self._fields(),
             "problem": None,
+            "decoder": "columnar",
         }
         return pl.DataFrame([row], schema=TOPICS_SCHEMA)
 
@@ -152,6 +153,15 @@ class TableLog:
         if end_ns is not None:
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
+
+    def read_many(
+        self,
+        fields: Mapping[str, Sequence[str]],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> dict[str, pl.DataFrame]:
+        """Read columns of the one topic; see `Log.read_many`."""
+        return {topic: self.read(topic, names, start_ns, end_ns) for topic, names in fields.items()}
 
     def _values(self, name: str) -> pl.Series:
         values = self._column(name)

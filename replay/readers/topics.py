@@ -18,6 +18,7 @@ TOPICS_SCHEMA: Final = pl.Schema(
         "longest_gap_s": pl.Float64,
         "fields": pl.List(pl.String),
         "problem": pl.String,
+        "decoder": pl.String,
     }
 )
 

@@ -123,7 +123,7 @@ def test_period_and_window_follow_from_the_response_time():
     (response_s,) = made.response_s.values()
     assert made.window_s == pytest.approx(2 * response_s)
     for score in made.scores:
-        assert score.manoeuvre.force.period_s == pytest.approx(3 * response_s)
+        assert score.manoeuvre.force.period_s == pytest.approx(3 * response_s, abs=1e-3)
 
 
 @pytest.mark.parametrize(("stage", "allowed"), [("straight", 3), ("spin", 4), ("joint", 6)])

@@ -8,7 +8,7 @@ from polars.testing import assert_frame_equal
 from analysis.forces import longitudinal_force, yaw_torque
 from analysis.machine import Body as MachineBody
 from analysis.machine import ImuMounting
-from analysis.mounting import to_machine_axes
+from analysis.mounting import at_origin
 from analysis.simulation import Scenario, simulate_campaign
 
 QUIET = {
@@ -71,7 +71,7 @@ def test_an_imu_beside_the_origin_is_what_the_machine_files_mounting_undoes():
         for name in ("specific_force_x_m_s2", "specific_force_y_m_s2", "yaw_rate_rad_s")
     }
     columns["yaw_acc_rad_s2"] = made.noise_free["yaw_acc_rad_s2"].to_numpy()
-    moved = to_machine_axes(columns, ImuMounting(position_m=(0.8, -0.3, 0.0)))
+    moved = at_origin(columns, ImuMounting(position_m=(0.8, -0.3, 0.0)))
     for axis in "xy":
         name = f"specific_force_{axis}_m_s2"
         np.testing.assert_allclose(moved[name], made.noise_free[name], atol=1e-12)

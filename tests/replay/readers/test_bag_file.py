@@ -8,25 +8,45 @@ from hypothesis import strategies as st
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.replay.readers.damaged import without_bag_index
 from tests.replay.readers.one_line import one_line_at_most
 from tests.replay.readers.written_logs import Joints, write_bag
 
 DRIVE = [Joints(1000 + k, {"left": float(k)}) for k in range(50)]
 
 
-def test_a_bag_without_an_index_is_refused_with_the_remedy(tmp_path: Path) -> None:
+def test_a_bag_without_an_index_is_read_from_start_to_end(tmp_path: Path) -> None:
     path = tmp_path / "crashed.bag"
     write_bag(path, DRIVE)
-    data = path.read_bytes()
-    at = data.index(b"index_pos=") + len(b"index_pos=")
-    path.write_bytes(data[:at] + bytes(8) + data[at + 8 :])
-    with pytest.raises(LogError, match=r"not indexed.*'rosbag reindex crashed.bag' may help"):
-        open_log(path)
+    without_bag_index(path)
+    with open_log(path) as log:
+        frame = log.read("/joints", ["effort[left]"])
+        assert frame["effort[left]"].to_list() == [float(k) for k in range(50)]
+        assert log.topics()["messages"].to_list() == [50]
+        assert [loss.what for loss in log.losses()] == [
+            "its recorder did not end: read from start to end, every whole message, the last at "
+            "log time 1049 ns; 0 bytes at the end are lost or of a torn record"
+        ]
 
 
-def test_a_bag_of_another_version_is_refused(tmp_path: Path) -> None:
+def test_the_chunk_that_a_crashed_recorder_left_open_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "crashed.bag"
+    write_bag(path, DRIVE)
+    without_bag_index(path)
+    data = bytearray(path.read_bytes())
+    at = data.index(b"size=") + len(b"size=")  # the last field of the only chunk's header
+    data[at : at + 4] = bytes(4)
+    data[at + 4 : at + 8] = bytes(4)
+    path.write_bytes(data[:-200])
+    with open_log(path) as log:
+        times = log.read("/joints", [])["log_time_ns"].to_list()
+    assert times == [1000 + k for k in range(len(times))]
+    assert len(times) > 30
+
+
+def test_a_bag_of_another_version_is_refused_with_the_remedy(tmp_path: Path) -> None:
     (tmp_path / "old.bag").write_bytes(b"#ROSBAG V1.2\n" + bytes(100))
-    with pytest.raises(LogError, match="version 102 is not supported"):
+    with pytest.raises(LogError, match=r"a bag of version 1.2.*'rosbag fix old.bag'"):
         open_log(tmp_path / "old.bag")
 
 

@@ -4,6 +4,8 @@ import sqlite3
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from estimators.errors import LogError
 from replay import open_log
@@ -64,3 +66,24 @@ def test_a_torn_database_is_a_loss_or_one_line(tmp_path: Path, share: float) -> 
     with one_line_at_most(), open_log(path) as log:
         log.read("/joints", [])
         assert any("damaged" in loss.what for loss in log.losses())
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(
+    places=st.lists(st.tuples(st.integers(16, 10**6), st.integers(0, 255)), max_size=8),
+    cut=st.integers(100, 10**6),
+)
+def test_damage_is_a_loss_or_one_line_never_a_traceback(
+    tmp_path: Path, places: list[tuple[int, int]], cut: int
+) -> None:
+    whole = tmp_path / "whole.db3"
+    if not whole.exists():
+        write_db3(whole, DRIVE[:100])
+    data = bytearray(whole.read_bytes())
+    for at, value in places:
+        data[at % len(data)] = value
+    (tmp_path / "damaged.db3").write_bytes(data[:cut])
+    with one_line_at_most(), open_log(tmp_path / "damaged.db3") as log:
+        for topic in log.topics()["topic"]:
+            log.read(topic, [])
+        log.losses()

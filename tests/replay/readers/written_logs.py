@@ -42,8 +42,18 @@ class Joints:
         )
 
 
-def write_bag(path: Path, recorded: Sequence[Joints]) -> None:
-    with Writer1(path) as writer:
+def write_bag(
+    path: Path,
+    recorded: Sequence[Joints],
+    compression: Writer1.CompressionFormat | None = None,
+    chunk_bytes: int | None = None,
+) -> None:
+    writer = Writer1(path)
+    if compression is not None:
+        writer.set_compression(compression)
+    if chunk_bytes is not None:
+        writer.chunk_threshold = chunk_bytes
+    with writer:
         connections = {
             topic: writer.add_connection(topic, JOINT_STATE, typestore=ROS1)
             for topic in dict.fromkeys(r.topic for r in recorded)

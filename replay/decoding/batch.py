@@ -1,0 +1,83 @@
+"""Raw messages of one connection, many at once: the bytes that hold them, and where each lies."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: A batch holds no more messages than this, and is full at as many bytes, whichever comes first.
+BATCH_ROWS: Final = 8192
+BATCH_BYTES: Final = 8 << 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawBatch:
+    """Messages of one connection as stored, anywhere in `data`, also in one another's bytes.
+
+    Raises:
+        ValueError: a message reaches out of `data`.
+    """
+
+    connection_id: int
+    #: (bytes,) uint8: decompressed chunks; its memory is used again for the next batch
+    data: NDArray[np.uint8]
+    #: (n,) int64, where each message begins in `data`, and its length in bytes
+    offsets: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    #: (n,) int64 ns
+    log_times: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        starts, sizes = self.offsets, self.lengths
+        inside = (starts >= 0) & (sizes >= 0) & (sizes <= self.data.size - starts)
+        if not inside.all() or not starts.size == sizes.size == self.log_times.size:
+            raise ValueError("a batch whose messages reach out of its data")
+        data = self.data.view()
+        # also because numba would compile anew for data that may be written
+        data.flags.writeable = False
+        object.__setattr__(self, "data", data)
+
+    @property
+    def rows(self) -> int:
+        """How many messages."""
+        return self.offsets.size
+
+    def select(self, chosen: NDArray[np.bool_] | slice) -> "RawBatch":
+        """Some of the messages."""
+        return RawBatch(
+            self.connection_id,
+            self.data,
+            self.offsets[chosen],
+            self.lengths[chosen],
+            self.log_times[chosen],
+        )
+
+    def parts(self) -> Iterator["RawBatch"]:
+        """The same in batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
+        ends = np.cumsum(self.lengths)
+        begin = 0
+        while begin < self.rows:
+            full = ends[begin] - self.lengths[begin] + BATCH_BYTES
+            end = int(np.searchsorted(ends, full, side="right"))
+            end = min(max(end, begin + 1), begin + BATCH_ROWS)
+            yield self.select(slice(begin, end))
+            begin = end
+
+    def messages(self) -> Iterator[bytes]:
+        """The messages one by one."""
+        for start, size in zip(self.offsets.tolist(), self.lengths.tolist(), strict=True):
+            yield self.data[start : start + size].tobytes()
+
+
+def joined(connection_id: int, log_times: Sequence[int], messages: Sequence[bytes]) -> RawBatch:
+    """A batch of messages that come one by one."""
+    lengths = np.fromiter(map(len, messages), np.int64, len(messages))
+    return RawBatch(
+        connection_id,
+        np.frombuffer(b"".join(messages), np.uint8),
+        np.cumsum(lengths) - lengths,
+        lengths,
+        np.array(log_times, np.int64),
+    )

@@ -1,0 +1,136 @@
+"""Blocks: runs of numbers whose distances from the first are known before a message is seen."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from replay.decoding.located import Inline, InlineArray, InlineRecord, InlineValue
+from replay.decoding.wire import WIDTHS, Wire
+from replay.readers.message_types import FieldType, ListOf, Record, Scalar
+
+#: A definition whose messages must be larger than this describes none that exists.
+LARGEST_BYTES: Final = 2**30
+
+
+class NoPlanError(Exception):
+    """Why a type has no columnar plan, in a line."""
+
+
+@dataclass(slots=True)
+class Block:
+    """A run of numbers that begins at a multiple of `alignment`."""
+
+    alignment: int
+    size: int = 0
+
+    def place(self, alignment: int, size: int) -> int | None:
+        """Append `size` bytes and return their offset; None where padding would vary."""
+        if alignment > self.alignment:
+            return None
+        offset = -(-self.size // alignment) * alignment
+        self.size = offset + size
+        return offset
+
+
+def alignment_of(kind: str, wire: Wire) -> int:
+    """The alignment of a number or a stamp."""
+    return min(4 if kind == "stamp" else width_of(kind), wire.max_alignment)
+
+
+def width_of(kind: str) -> int:
+    """The bytes of a number or a stamp.
+
+    Raises:
+        NoPlanError: there is no place for such a number in a column.
+    """
+    if kind == "stamp":
+        return 8
+    if kind not in WIDTHS:
+        raise NoPlanError(f"no plan for a {kind}")
+    return WIDTHS[kind]
+
+
+def members(record: Record, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
+    """The fields as stored: an empty message takes a byte in CDR."""
+    return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
+
+
+def place_in(block: Block, kind: FieldType, wire: Wire) -> InlineValue | None:
+    """Put a field into a block; None where it has no fixed place there."""
+    if isinstance(kind, Scalar):
+        if kind.kind == "string":
+            return None
+        offset = block.place(alignment_of(kind.kind, wire), width_of(kind.kind))
+        return None if offset is None else Inline(offset, kind.kind)
+    if isinstance(kind, Record):
+        fields: dict[str, InlineValue] = {}
+        for name, field in members(kind, wire):
+            placed = place_in(block, field, wire)
+            if placed is None:
+                return None
+            fields[name] = placed
+        return InlineRecord(fields)
+    if kind.length is None or fixed_size(kind.element, wire) is None:
+        return None
+    if is_delimited(kind, wire) and block.place(4, 4) is None:
+        return None
+    return _place_array(block, kind.element, kind.length, wire)
+
+
+def _place_array(block: Block, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
+    fixed = fixed_size(element, wire)
+    assert fixed is not None
+    one, value = fixed
+    size = (length - 1) * stride_of(one) + one.size if length else 0
+    offset = block.place(one.alignment, size)
+    return None if offset is None else InlineArray(offset, length, stride_of(one), value)
+
+
+def fixed_size(element: FieldType, wire: Wire) -> tuple[Block, InlineValue] | None:
+    """An element as a block of its own; None where its size depends on the message."""
+    block = Block(first_alignment(element, wire))
+    value = place_in(block, element, wire)
+    return None if value is None else (block, value)
+
+
+def stride_of(block: Block) -> int:
+    """The distance of elements that follow one another."""
+    return -(-block.size // block.alignment) * block.alignment
+
+
+def first_alignment(kind: FieldType, wire: Wire) -> int:
+    """The alignment of the first number in a field, be it the length of a string."""
+    if isinstance(kind, Record):
+        filled = (f for _, f in members(kind, wire) if smallest_size(f, wire))
+        first = next(filled, None)
+        return 1 if first is None else first_alignment(first, wire)
+    if isinstance(kind, Scalar) and kind.kind != "string":
+        return alignment_of(kind.kind, wire)
+    if isinstance(kind, ListOf) and kind.length is not None and not is_delimited(kind, wire):
+        return first_alignment(kind.element, wire)
+    return wire.counted
+
+
+def is_delimited(kind: ListOf, wire: Wire) -> bool:
+    """Whether a list is preceded by its size in bytes; a stamp is a message, no number."""
+    is_number = isinstance(kind.element, Scalar) and kind.element.kind in WIDTHS
+    return wire.delimited_lists and not is_number
+
+
+def smallest_size(kind: FieldType, wire: Wire) -> int:
+    """The bytes that a field takes at least, padding aside.
+
+    Raises:
+        NoPlanError: they are more than a message can have.
+    """
+    if isinstance(kind, Scalar):
+        size = 4 if kind.kind == "string" else width_of(kind.kind)
+    elif isinstance(kind, Record):
+        size = sum(smallest_size(field, wire) for _, field in members(kind, wire))
+    elif kind.length is None:
+        smallest_size(kind.element, wire)
+        size = 4
+    else:
+        size = kind.length * smallest_size(kind.element, wire)
+    if size > LARGEST_BYTES:
+        raise NoPlanError("a field is larger than any message")
+    return size

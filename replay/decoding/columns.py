@@ -1,0 +1,238 @@
+"""Columns from marks: follow a field's steps to where its values lie, then gather them.
+
+On the way a field is at elements of a node or, inside something of a fixed size, at positions in
+the data. -1 stands for one that a message does not have, whose value is null.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+import polars as pl
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from replay.decoding.gather import find, number_runs, numbers, runs, stamps
+from replay.decoding.located import (
+    InBlock,
+    Inline,
+    InlineArray,
+    InlineRecord,
+    InlineValue,
+    Located,
+    Nested,
+    Strided,
+    Text,
+    Walked,
+)
+from replay.decoding.wire import WIDTHS
+from replay.readers.fields import ALL, Field
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Elements:
+    """What is at some elements of a node: their numbers, or None for all of them."""
+
+    located: Located
+    chosen: Ints | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Positions:
+    """What is `offset` bytes behind some positions."""
+
+    value: InlineValue
+    at: Ints
+    offset: int = 0
+
+
+_Place: TypeAlias = _Elements | _Positions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """A walked batch, ready to give columns."""
+
+    data: Bytes
+    swap: bool
+    root: Nested
+    #: by mark: what was noted for each element of its node
+    noted: tuple[Ints, ...]
+    _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
+
+    def column(self, wanted: Field) -> pl.Series:
+        """The values of a field, one for every whole message."""
+        place: _Place = _Elements(self.root, None)
+        spreads: list[Ints] = []
+        for step in wanted.steps:
+            above, place = place, self._child(place, step.name)
+            if step.element is None:
+                continue
+            if step.element == ALL:
+                counts = self._counts(place)
+                spreads.append(counts)
+                if step is wanted.steps[-1] and _is_run(place):
+                    return self._wrapped(self._run(place, counts), spreads, wanted)
+                place = self._spread(place, counts)
+            elif isinstance(step.element, int):
+                place = self._pick(place, step.element)
+            else:
+                place = self._pick(place, self._by_name(above, step.element))
+        return self._wrapped(self._values(place), spreads, wanted)
+
+    def _child(self, place: _Place, name: str) -> _Place:
+        if isinstance(place, _Positions):
+            assert isinstance(place.value, InlineRecord)
+            return replace(place, value=place.value.fields[name])
+        assert isinstance(place.located, Nested)
+        located = place.located.fields[name]
+        if isinstance(located, InBlock):
+            return _Positions(located.value, self._noted(located.mark, place.chosen))
+        return _Elements(located, place.chosen)
+
+    def _noted(self, mark: int, chosen: Ints | None, absent: int = -1) -> Ints:
+        """A mark of chosen elements, `absent` for those that are not there."""
+        if chosen is None:
+            return self.noted[mark]
+        # one more, which is what -1 picks
+        return np.append(self.noted[mark], absent)[chosen]
+
+    def _counts(self, place: _Place) -> Ints:
+        """How many elements each list has, -1 for a list that is not there."""
+        if isinstance(place, _Positions):
+            assert isinstance(place.value, InlineArray)
+            return np.where(place.at < 0, -1, place.value.length)
+        assert isinstance(place.located, Walked | Strided)
+        mark = place.located.mark + isinstance(place.located, Strided)
+        return self._noted(mark, place.chosen)
+
+    def _pick(self, place: _Place, number: int | Ints) -> _Place:
+        """One element of each list: the same of all, or another of each."""
+        if isinstance(place, _Positions) and isinstance(number, int):
+            assert isinstance(place.value, InlineArray)
+            array = place.value
+            return _Positions(
+                array.element, place.at, place.offset + array.offset + number * array.stride
+            )
+        there = (number >= np.int64(0)) & (number < self._counts(place))
+        return self._element(place, np.where(there, number, -1))
+
+    def _element(self, place: _Place, number: Ints) -> _Place:
+        """An element of each list, which has it unless the number is -1."""
+        if isinstance(place, _Positions):
+            assert isinstance(place.value, InlineArray)
+            array = place.value
+            at = place.at + array.offset + number * array.stride
+            return _Positions(array.element, np.where(number < 0, -1, at), place.offset)
+        if isinstance(place.located, Strided):
+            starts = self._noted(place.located.mark, place.chosen)
+            at = np.where(number < 0, -1, starts + number * place.located.stride)
+            return _Positions(place.located.element, at)
+        assert isinstance(place.located, Walked)
+        counts = self.noted[place.located.mark]
+        begins = np.cumsum(counts) - counts
+        if place.chosen is not None:
+            begins = np.append(begins, -1)[place.chosen]
+        return _Elements(place.located.element, np.where(number < 0, -1, begins + number))
+
+    def _spread(self, place: _Place, counts: Ints) -> _Place:
+        """Every element of each list."""
+        match place:
+            case _Elements(located=Walked(element=element), chosen=None):
+                return _Elements(element, None)
+            case _:
+                pass
+        there = np.maximum(counts, 0)
+        owner = np.repeat(np.arange(there.size), there)
+        number = np.arange(owner.size) - np.repeat(np.cumsum(there) - there, there)
+        if isinstance(place, _Positions):
+            place = replace(place, at=place.at[owner])
+        else:
+            chosen = owner if place.chosen is None else place.chosen[owner]
+            place = replace(place, chosen=chosen)
+        return self._element(place, number)
+
+    def _by_name(self, place: _Place, name: str) -> Ints:
+        """Where the list `name` of a message has a name, -1 where it does not."""
+        assert isinstance(place, _Elements)
+        assert isinstance(place.located, Nested)
+        names = place.located.fields["name"]
+        assert isinstance(names, Walked)
+        assert isinstance(names.element, Text)
+        if (names.mark, name) not in self._found:
+            text = names.element.mark
+            self._found[names.mark, name] = find(
+                self.data,
+                self.noted[text],
+                self.noted[text + 1],
+                self.noted[names.mark],
+                name,
+            )
+        found = self._found[names.mark, name]
+        return found if place.chosen is None else np.append(found, -1)[place.chosen]
+
+    def _run(self, place: _Place, counts: Ints) -> pl.Series:
+        """The elements of lists of numbers, which follow one another in the data."""
+        counts = np.maximum(counts, 0)
+        if isinstance(place, _Positions):
+            array = place.value
+            assert isinstance(array, InlineArray)
+            starts = place.at + (place.offset + array.offset)
+        else:
+            array = place.located
+            assert isinstance(array, Strided)
+            starts = self._noted(array.mark, place.chosen)
+        assert isinstance(array.element, Inline)
+        kind = array.element.kind
+        return pl.Series(number_runs(self.data, starts, counts, kind, swap=self.swap))
+
+    def _values(self, place: _Place) -> pl.Series:
+        if isinstance(place, _Elements):
+            assert isinstance(place.located, Text)
+            starts = self._noted(place.located.mark, place.chosen)
+            sizes = self._noted(place.located.mark + 1, place.chosen, absent=0)
+            text = runs(self.data, starts, sizes)
+            return _nulled(_strings(text, sizes), starts < 0)
+        value = place.value
+        assert isinstance(value, Inline)
+        offset = place.offset + value.offset
+        if value.kind == "stamp":
+            values = stamps(self.data, place.at, offset, swap=self.swap)
+        else:
+            values = numbers(self.data, place.at, offset, value.kind, swap=self.swap)
+        return _nulled(pl.Series(values), place.at < 0)
+
+    def _wrapped(self, values: pl.Series, spreads: list[Ints], wanted: Field) -> pl.Series:
+        for counts in reversed(spreads):
+            ends = np.cumsum(np.maximum(counts, 0))
+            lists: Any = pa.LargeListArray.from_arrays(
+                pa.array(np.append(0, ends)), values.to_arrow()
+            )
+            values = _nulled(pl.Series(lists), counts < 0)
+        typed = values if values.dtype == wanted.dtype else values.cast(wanted.dtype)
+        return typed.alias(wanted.name)
+
+
+def _is_run(place: _Place) -> bool:
+    array = place.value if isinstance(place, _Positions) else place.located
+    return (
+        isinstance(array, InlineArray | Strided)
+        and isinstance(array.element, Inline)
+        and array.element.kind in WIDTHS
+    )
+
+
+def _strings(text: Bytes, sizes: Ints) -> pl.Series:
+    ends = np.append(0, np.cumsum(sizes))
+    buffers = (pa.py_buffer(ends), pa.py_buffer(text))
+    strings: Any = pa.LargeStringArray.from_buffers(sizes.size, *buffers)
+    return pl.Series(strings)
+
+
+def _nulled(values: pl.Series, absent: NDArray[np.bool_]) -> pl.Series:
+    if not absent.any():
+        return values
+    return values.zip_with(pl.Series(~absent), pl.Series([None], dtype=values.dtype))

@@ -1,0 +1,78 @@
+"""Where the fields of a message lie: what a compiled program leaves for the columns to find.
+
+A *node* is a list whose elements are walked one by one; node 0 is the batch, its elements are the
+messages. A *mark* is a number that the walk notes for every element of a node: the position of a
+block, of a string, of a sequence. What lies at fixed distances from a mark needs none of its own.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+
+@dataclass(frozen=True, slots=True)
+class Inline:
+    """A number or a stamp, `offset` bytes behind the block that holds it."""
+
+    offset: int
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class InlineRecord:
+    """A message that lies in a block as a whole."""
+
+    fields: "dict[str, InlineValue]"
+
+
+@dataclass(frozen=True, slots=True)
+class InlineArray:
+    """An array in a block; `element` repeats every `stride` bytes."""
+
+    offset: int
+    length: int
+    stride: int
+    element: "InlineValue"
+
+
+@dataclass(frozen=True, slots=True)
+class InBlock:
+    """Something in the block whose position is noted as `mark`."""
+
+    mark: int
+    value: "InlineValue"
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A string: its position is noted as `mark`, its length in bytes as `mark + 1`."""
+
+    mark: int
+
+
+@dataclass(frozen=True, slots=True)
+class Strided:
+    """A sequence whose elements have one size: position as `mark`, their number as `mark + 1`."""
+
+    mark: int
+    stride: int
+    element: "InlineValue"
+
+
+@dataclass(frozen=True, slots=True)
+class Walked:
+    """A list whose elements are those of `node`, their number noted as `mark`."""
+
+    mark: int
+    node: int
+    element: "Located"
+
+
+@dataclass(frozen=True, slots=True)
+class Nested:
+    """A message whose fields have marks of their own."""
+
+    fields: "dict[str, Located]"
+
+
+InlineValue: TypeAlias = Inline | InlineRecord | InlineArray
+Located: TypeAlias = InBlock | Text | Strided | Walked | Nested

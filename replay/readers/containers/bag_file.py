@@ -1,0 +1,155 @@
+"""The container of a ROS 1 bag (version 2.0): by its index where it is whole, else from start."""
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.msg import normalize_msgtype
+
+from analysis.run import Loss
+from estimators.errors import LogError
+from replay.decoding.batch import RawBatch
+from replay.readers.container import Connection
+from replay.readers.containers.bag_index import BagIndex, chunk_block, indexed_times, read_index
+from replay.readers.containers.bag_records import (
+    BAG_HEADER,
+    MAGIC,
+    VERSION,
+    Record,
+    parse_fields,
+    read_record,
+)
+from replay.readers.containers.bag_walk import Walk
+from replay.readers.containers.block import Block
+from replay.readers.containers.block_store import BlockStore
+from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.records import Grammar
+
+
+def _grammar() -> Grammar:
+    from replay.readers.containers.bag_grammar import GRAMMAR
+
+    return GRAMMAR
+
+
+class BagFile:
+    """A ROS 1 bag. One without an index (the recorder crashed) is surveyed at opening."""
+
+    def __init__(self, path: Path) -> None:
+        self.files: tuple[Path, ...] = (path,)
+        self._file = FileBytes(path)
+        try:
+            head = self._file.read(0, len(MAGIC + VERSION))
+            if not head.startswith(MAGIC):
+                raise LogError(f"{path}: not a ROS 1 bag; it does not start with '#ROSBAG V2.0'")
+            if not head.endswith(VERSION):
+                version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
+                raise LogError(
+                    f"{path}: a bag of version {version}, only 2.0 can be read; "
+                    f"'rosbag fix {path.name}' brings it to 2.0"
+                )
+            self._open(len(head))
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _open(self, begin: int) -> None:
+        self._connections: dict[int, Connection] = {}
+        self._store = BlockStore(self._file, _grammar, self._describe)
+        header = read_record(self._file, begin)
+        index = self._index(header)
+        if index is not None:
+            self._take(index)
+        else:
+            self._walk(begin, header)
+        self.connections: tuple[Connection, ...] = tuple(self._connections.values())
+        self._topics = {c.id: c.topic for c in self.connections}
+        self._store.finish(self._topics)
+
+    def _index(self, header: Record | None) -> BagIndex | None:
+        names = (b"index_pos", b"conn_count", b"chunk_count")
+        if header is None or header.op != BAG_HEADER or not header.fields.keys() >= set(names):
+            return None
+        position, connections, chunks = (header.number(name) for name in names)
+        if not header.end <= position <= self._file.size or (position == self._file.size) != (
+            connections == chunks == 0
+        ):
+            return None
+        return read_index(self._file, position, connections, chunks)
+
+    def _take(self, index: BagIndex) -> None:
+        for record, data in index.connections:
+            self._connect(record.fields, data)
+        unknown: list[Block] = []
+        for offset in sorted(index.chunks):
+            counts = index.chunks[offset]
+            block = chunk_block(self._file, offset, read_record(self._file, offset))
+            if block is None:
+                lost = Block(offset, 0, 0, "", 0, counts=counts)
+                self._store.damage.lose(lost, "it is not where the index says")
+                continue
+            times = indexed_times(self._file, block, counts)
+            if times is None:
+                unknown.append(block)
+            else:
+                self._store.add(block, times)
+        if unknown:
+            self._store.survey(unknown)
+
+    def _walk(self, begin: int, header: Record | None) -> None:
+        """Go through the file, from start to end."""
+        damage = self._store.damage
+        walk = Walk(self._store, begin, self._describe)
+        self._store.survey(walk.chunks())
+        position = b"" if header is None else header.fields.get(b"index_pos", b"")
+        why = "its recorder did not end" if position == bytes(8) else "its index is damaged"
+        last_ns = self._store.last_ns
+        until = "" if last_ns is None else f", the last at log time {last_ns} ns"
+        lost = self._file.size - walk.whole
+        damage.note(
+            f"{why}: read from start to end, every whole message{until}; {lost:,} bytes at the end "
+            "are lost or of a torn record"
+        )
+
+    def _describe(self, op: int, content: bytes) -> None:
+        """A record of a connection, header and data."""
+        del op
+        size = int.from_bytes(content[:4], "little")
+        self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :])
+
+    def _connect(self, fields: dict[bytes, bytes], data: bytes) -> None:
+        inner = parse_fields(data) or {}
+        key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
+        if len(key) != 4 or b"type" not in inner:
+            self._store.damage.note("the record of a connection is damaged")
+            return
+        number = int.from_bytes(key, "little")
+        if number not in self._connections:
+            self._connections[number] = Connection(
+                number,
+                topic.decode(errors="replace"),
+                normalize_msgtype(inner[b"type"].decode(errors="replace")),
+                "ros1",
+                inner.get(b"message_definition", b"").decode(errors="replace"),
+                "ros1msg",
+            )
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        return self._store.damage.losses(self._topics)
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """The log times of a connection, from the index or from the survey at opening."""
+        return self._store.log_times(connection_id)
+
+    def batches(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[RawBatch]:
+        """Messages in file order; a damaged chunk costs that chunk."""
+        return self._store.batches(connection_ids, start_ns, end_ns)
+
+    def close(self) -> None:
+        """Release the file."""
+        self._file.close()

@@ -1,0 +1,56 @@
+"""Walk through a ROS 1 bag without an index, from its start to its end, over what is damaged."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from replay.readers.containers.bag_index import chunk_block
+from replay.readers.containers.bag_records import (
+    BAG_HEADER,
+    CONNECTION,
+    MESSAGE,
+    read_record,
+)
+from replay.readers.containers.block import Block
+from replay.readers.containers.block_store import BlockStore
+from replay.readers.containers.resume import resume
+from replay.readers.containers.stretch import Stretches
+
+_KNOWN: Final = range(BAG_HEADER, CONNECTION + 1)
+
+
+@dataclass(slots=True)
+class Walk:
+    """Tells of connections that stand outside chunks, and yields the chunks."""
+
+    store: BlockStore
+    #: where the last whole record ends
+    whole: int
+    describe: Callable[[int, bytes], None]
+
+    def chunks(self) -> Iterator[Block]:
+        """Every chunk, the one that the end of the file tears among them."""
+        file = self.store.file
+        stretches = Stretches(self.store)
+        at = self.whole
+        while at < file.size:
+            record = read_record(file, at)
+            block = chunk_block(file, at, record)
+            if block is not None:
+                yield block
+                if block.is_torn:
+                    return
+            end = at
+            if record is not None and record.op == MESSAGE:
+                end = stretches.add(at, record.end - at)
+            elif record is not None and record.op in _KNOWN and record.end <= file.size:
+                end = record.end
+                if record.op == CONNECTION:
+                    self.describe(CONNECTION, file.read(at, end - at))
+            if end == at:
+                found = resume(file, at, self.store.grammar.find)
+                if found is None:
+                    return
+                self.store.damage.skip(at, found)
+                end = found
+            self.whole = at = end

@@ -1,0 +1,161 @@
+"""The messages of a file that keeps them in blocks: whose they are, when, and their bytes."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.decoding.batch import RawBatch
+from replay.readers.container import no_times
+from replay.readers.containers.block import Block
+from replay.readers.containers.by_connection import by_connection
+from replay.readers.containers.damage import Damage
+from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.read_ahead import read_slabs
+from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME, Grammar, Slab
+
+_INT64_MAX: Final = 2**63 - 1
+
+
+class BlockStore:
+    """Blocks in file order, with the log times of their messages."""
+
+    def __init__(
+        self,
+        file: FileBytes,
+        load_grammar: Callable[[], Grammar],
+        describe: Callable[[int, bytes], None],
+    ) -> None:
+        """Begin without blocks.
+
+        Args:
+            file: that holds them.
+            load_grammar: of its records; compiled code, which an index makes unnecessary.
+            describe: is told of each record that is no message: its opcode and its bytes.
+        """
+        self.file = file
+        self.damage = Damage(file.path.name)
+        self._load_grammar = load_grammar
+        self._describe = describe
+        self._blocks: list[Block] = []
+        self._times: dict[int, list[NDArray[np.int64]]] = {}
+        self._late: dict[int, int] = {}
+
+    @cached_property
+    def grammar(self) -> Grammar:
+        """How records are found in bytes."""
+        return self._load_grammar()
+
+    @property
+    def message_count(self) -> int:
+        """Messages in all blocks."""
+        return sum(sum(block.counts.values()) for block in self._blocks)
+
+    @property
+    def last_ns(self) -> int | None:
+        """The latest log time, None without messages."""
+        return max((b.last_ns for b in self._blocks if b.counts), default=None)
+
+    def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
+        """Add a block whose messages are known: their log times (as 64 bits) by connection."""
+        self._blocks.append(_described(block, times))
+        for key, values in times.items():
+            self._late[key] = self._late.get(key, 0) + int(np.count_nonzero(values < 0))
+            self._times.setdefault(key, []).append(values[values >= 0])
+
+    def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
+        """Note that a block, whose messages are known, cannot be read."""
+        self.damage.lose(_described(block, times), why)
+
+    def survey(self, blocks: Iterable[Block]) -> None:
+        """Add blocks that no index describes: they are unpacked to see what they hold."""
+        for slab in read_slabs(self.file, blocks, self.grammar):
+            for block, why in slab.damaged:
+                self.damage.lose(block, why)
+            for block, first, last, unread in slab.parts:
+                self.add_rows(block, slab.data, slab.rows[:, first:last])
+                self._judge_unread(block, unread)
+
+    def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
+        """Add a block with the rows that scanning it gave."""
+        for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
+            self._describe(-1 - key, data[offset : offset + length].tobytes())
+        self.add(block, {key: rows[TIME, at] for key, at in by_connection(rows[KEY])})
+
+    def finish(self, topics: Mapping[int, str]) -> None:
+        """Once all blocks are there: put them in file order, say which messages are unusable.
+
+        Args:
+            topics: of each connection that is described.
+        """
+        self._blocks.sort(key=lambda block: block.record_offset)
+        for key, parts in self._times.items():
+            if key not in topics:
+                count = sum(times.size for times in parts)
+                self.damage.note(f"{count:,} messages of connection {key}, which nothing describes")
+            elif self._late[key]:
+                self.damage.note(
+                    f"{self._late[key]:,} messages have log times beyond the year 2262: not used",
+                    topics[key],
+                )
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """Log times of a connection, (n,) in ns."""
+        return np.concatenate([no_times(), *self._times.get(connection_id, [])])
+
+    def batches(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[RawBatch]:
+        """See `Container.batches`."""
+        wanted = frozenset(connection_ids)
+        first = 0 if start_ns is None else max(start_ns, 0)
+        last = _INT64_MAX if end_ns is None else end_ns
+        touched = [
+            block
+            for block in self._blocks
+            if not wanted.isdisjoint(block.counts)
+            and block.first_ns <= last
+            and block.last_ns >= first
+        ]
+        chosen = np.array(sorted(wanted), np.int64)
+        for slab in read_slabs(self.file, touched, self.grammar):
+            self._judge(slab)
+            times = slab.rows[TIME]
+            use = np.isin(slab.rows[KEY], chosen) & (times >= first) & (times <= last)
+            rows = slab.rows if use.all() else slab.rows[:, use]
+            for key, at in by_connection(rows[KEY]):
+                yield RawBatch(key, slab.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+
+    def _judge(self, slab: Slab) -> None:
+        for block, why in slab.damaged:
+            self.damage.lose(block, why)
+        for block, first, last, unread in slab.parts:
+            self._judge_unread(block, unread)
+            held = int(np.count_nonzero(slab.rows[KEY, first:last] >= 0))
+            said = sum(block.counts.values())
+            if held != said:
+                self.damage.note(
+                    f"the chunk at byte {block.record_offset} holds {held:,} whole messages where "
+                    f"its index counts {said:,}"
+                )
+
+    def _judge_unread(self, block: Block, unread: int) -> None:
+        if unread and not block.is_torn:
+            self.damage.note(
+                f"{unread:,} of {block.unpacked_bytes:,} bytes in the chunk at byte "
+                f"{block.record_offset} are no whole records and not read"
+            )
+
+
+def _described(block: Block, times: Mapping[int, NDArray[np.int64]]) -> Block:
+    on_time = [values[values >= 0] for values in times.values()]
+    filled = [values for values in on_time if values.size]
+    return replace(
+        block,
+        counts={key: values.size for key, values in times.items() if values.size},
+        first_ns=min((int(values.min()) for values in filled), default=0),
+        last_ns=max((int(values.max()) for values in filled), default=-1),
+    )

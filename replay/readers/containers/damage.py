@@ -1,0 +1,101 @@
+"""What a file of blocks lost, in sentences."""
+
+from collections.abc import Iterable, Mapping
+from itertools import islice
+from typing import Final
+
+from analysis.run import Loss
+from replay.readers.containers.block import Block
+
+#: More damaged blocks than this are told in one sentence.
+_MOST_SINGLE: Final = 20
+#: Of all else, so many are told.
+_MOST_SENTENCES: Final = 100
+
+
+class Damage:
+    """What was found damaged so far; each place once, however often it is met."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        #: by where the block begins
+        self._blocks: dict[int, tuple[Block, str]] = {}
+        #: stretches that hold no records: from, to
+        self._gaps: dict[int, int] = {}
+        #: topic and sentence
+        self._sentences: dict[tuple[str, str], None] = {}
+
+    def lose(self, block: Block, why: str) -> None:
+        """A block is not used."""
+        self._blocks[block.record_offset] = (block, why)
+
+    def skip(self, start: int, end: int) -> None:
+        """Between two offsets nothing can be read."""
+        self._gaps[start] = end
+
+    def note(self, what: str, topic: str = "") -> None:
+        """Anything else."""
+        self._sentences[topic, what] = None
+
+    def __bool__(self) -> bool:
+        return bool(self._blocks or self._gaps or self._sentences)
+
+    def losses(self, topics: Mapping[int, str]) -> tuple[Loss, ...]:
+        """All of it; `topics` gives the topic of a connection."""
+        return tuple(
+            Loss(source=self._source, topic=topic, what=what)
+            for topic, what in [
+                *(("", what) for what in self._of_blocks(topics)),
+                *(("", what) for what in self._of_gaps()),
+                *islice(self._sentences, _MOST_SENTENCES),
+                *(("", what) for what in self._of_more()),
+            ]
+        )
+
+    def _of_blocks(self, topics: Mapping[int, str]) -> Iterable[str]:
+        damaged = [self._blocks[offset] for offset in sorted(self._blocks)]
+        if len(damaged) > _MOST_SINGLE:
+            blocks = [block for block, _ in damaged]
+            yield (
+                f"{len(damaged):,} chunks ({sum(b.stored_bytes for b in blocks):,} bytes) are "
+                f"damaged and not read, the first at byte {blocks[0].record_offset}: "
+                f"{damaged[0][1]}; {_held(blocks, topics)}"
+            )
+            return
+        for block, why in damaged:
+            yield (
+                f"the chunk at byte {block.record_offset} ({block.stored_bytes:,} bytes) is "
+                f"damaged and not read: {why}; {_held([block], topics)}"
+            )
+
+    def _of_gaps(self) -> Iterable[str]:
+        if self._gaps:
+            size = sum(end - start for start, end in self._gaps.items())
+            yield (
+                f"{size:,} bytes cannot be read, in {len(self._gaps)} "
+                f"{'place' if len(self._gaps) == 1 else 'places'}, the first at byte "
+                f"{min(self._gaps)}; what stands behind is read"
+            )
+
+    def _of_more(self) -> Iterable[str]:
+        more = len(self._sentences) - _MOST_SENTENCES
+        if more > 0:
+            yield f"{more:,} more places are damaged like these"
+
+
+def _held(blocks: list[Block], topics: Mapping[int, str]) -> str:
+    """What damaged blocks held, as far as an index tells."""
+    timed = [block for block in blocks if block.last_ns >= block.first_ns]
+    if not timed:
+        return "nothing tells how many messages it held"
+    first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
+    span = f"from log time {first} ns, {(last - first) / 1e9:.3f} s"
+    counts: dict[str, int] = {}
+    for block in timed:
+        for key, count in block.counts.items():
+            topic = topics.get(key, f"connection {key}")
+            counts[topic] = counts.get(topic, 0) + count
+    if not counts:
+        return f"it held messages {span}; nothing tells how many"
+    listed = ", ".join(f"{count:,} of {topic}" for topic, count in sorted(counts.items()))
+    return f"lost {span}: {listed}"

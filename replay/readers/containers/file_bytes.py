@@ -1,0 +1,44 @@
+"""A file's bytes by position, for several threads at once."""
+
+from pathlib import Path
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class FileBytes:
+    """A file that is read by position.
+
+    It is not mapped into memory: a mapped file counts as memory in use, and one that shrinks while
+    it is read would end the process.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = path.open("rb", buffering=0)
+        self._lock = Lock()
+        self.size = self._file.seek(0, 2)
+
+    def read(self, offset: int, count: int) -> bytes:
+        """At most `count` bytes; fewer at the end of the file, or none for a place outside it."""
+        data = np.empty(max(0, min(count, self.size - offset)), np.uint8)
+        return data[: self.read_into(offset, data)].tobytes()
+
+    def read_into(self, offset: int, target: NDArray[np.uint8]) -> int:
+        """Fill `target` from `offset` on, and say how many bytes the file had."""
+        view, done = target.data, 0
+        if not 0 <= offset <= self.size:
+            return 0
+        with self._lock:
+            self._file.seek(offset)
+            while done < len(view):
+                count = self._file.readinto(view[done:])
+                if not count:
+                    break
+                done += count
+        return done
+
+    def close(self) -> None:
+        """Release the file."""
+        self._file.close()

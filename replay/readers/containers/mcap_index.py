@@ -1,0 +1,130 @@
+"""The index of an MCAP file: the summary at its end, and the message indexes behind each chunk."""
+
+import zlib
+from collections.abc import Iterator, Mapping
+from io import BytesIO
+from struct import Struct, error
+from typing import Final
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, ChunkIndex, McapRecord, Schema, Statistics
+from mcap.stream_reader import StreamReader
+from numpy.typing import NDArray
+
+from replay.readers.container import BROKEN_BYTES
+from replay.readers.containers.block import Block
+from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.mcap_records import (
+    CHUNK,
+    FOOTER,
+    MAGIC,
+    MESSAGE_INDEX,
+    RECORD_HEAD,
+)
+
+#: opcode, length, start of the summary, start of its offsets, CRC of the summary
+_FOOTER: Final = Struct("<BQQQI")
+#: the log times of the first and last message, unpacked size, CRC, length of the compression's name
+_CHUNK: Final = Struct("<QQQII")
+_STORED: Final = Struct("<Q")
+#: opcode, length, channel, length of the entries
+_MESSAGE_INDEX: Final = Struct("<BQHI")
+_LONGEST_NAME: Final = 32
+_INT64_MAX: Final = 2**63 - 1
+
+
+class Summary:
+    """What the summary repeats of the file; empty where there is none, or it is damaged."""
+
+    def __init__(self, file: FileBytes) -> None:
+        self.channels: dict[int, Channel] = {}
+        self.schemas: dict[int, Schema] = {}
+        self.chunks: list[ChunkIndex] = []
+        self.message_count: int | None = None
+        try:
+            records = list(_summary_records(file))
+        except (McapError, *BROKEN_BYTES):
+            return
+        for record in records:
+            if isinstance(record, Channel):
+                self.channels[record.id] = record
+            elif isinstance(record, Schema):
+                self.schemas[record.id] = record
+            elif isinstance(record, ChunkIndex):
+                self.chunks.append(record)
+            elif isinstance(record, Statistics):
+                self.message_count = record.message_count
+
+
+def _summary_records(file: FileBytes) -> Iterator[McapRecord]:
+    end = file.size - len(MAGIC)
+    opcode, _, start, _, crc = _FOOTER.unpack(file.read(end - _FOOTER.size, _FOOTER.size))
+    if opcode != FOOTER or not start or file.read(end, len(MAGIC)) != MAGIC:
+        return
+    section = file.read(start, end - start)
+    # 0 says that the writer computed none; it covers all but itself
+    if crc and zlib.crc32(section[:-4]) != crc:
+        return
+    stream = BytesIO(section + MAGIC)
+    yield from StreamReader(stream, skip_magic=True, record_size_limit=len(section)).records
+
+
+def chunk_block(file: FileBytes, offset: int) -> Block | None:
+    """The chunk whose record begins at `offset`, None where there is none.
+
+    One that reaches beyond the end of the file is torn.
+    """
+    head = file.read(offset, RECORD_HEAD.size + _CHUNK.size + _LONGEST_NAME + _STORED.size)
+    try:
+        opcode, length = RECORD_HEAD.unpack_from(head)
+        first, last, unpacked, crc, size = _CHUNK.unpack_from(head, RECORD_HEAD.size)
+        at = RECORD_HEAD.size + _CHUNK.size
+        name = head[at : at + size].decode()
+        (stored,) = _STORED.unpack_from(head, at + size)
+    except (error, UnicodeDecodeError):
+        return None
+    at += size + _STORED.size
+    if opcode != CHUNK or at + stored != RECORD_HEAD.size + length:
+        return None
+    left = file.size - offset - at
+    fits = last <= _INT64_MAX and first <= last
+    return Block(
+        offset,
+        offset + at,
+        min(stored, left),
+        name,
+        unpacked,
+        crc,
+        is_torn=stored > left,
+        first_ns=first if fits else 0,
+        last_ns=last if fits else -1,
+    )
+
+
+def damaged_block(chunk: ChunkIndex) -> Block:
+    """A chunk that is not where its index says."""
+    return Block(chunk.chunk_start_offset, 0, chunk.compressed_size, chunk.compression, 0)
+
+
+def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np.int64]] | None:
+    """Log times (as 64 bits) by channel, from the message indexes of a chunk.
+
+    None where they are not whole, or there are none.
+    """
+    offsets = chunk.message_index_offsets
+    begin = chunk.chunk_start_offset + chunk.chunk_length
+    if not offsets or min(offsets.values()) < begin:
+        return None
+    section = file.read(begin, chunk.message_index_length)
+    times: dict[int, NDArray[np.int64]] = {}
+    for key, offset in offsets.items():
+        at = offset - begin
+        if at + _MESSAGE_INDEX.size > len(section):
+            return None
+        opcode, _, channel, size = _MESSAGE_INDEX.unpack_from(section, at)
+        at += _MESSAGE_INDEX.size
+        if opcode != MESSAGE_INDEX or channel != key or size % 16 or at + size > len(section):
+            return None
+        times[key] = np.frombuffer(section, "<i8", size // 8, at)[::2].astype(np.int64)
+    return times

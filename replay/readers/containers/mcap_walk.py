@@ -1,0 +1,63 @@
+"""Walk through an MCAP file without an index, from its start to its end, over what is damaged."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from replay.readers.containers.block import Block
+from replay.readers.containers.block_store import BlockStore
+from replay.readers.containers.mcap_index import chunk_block
+from replay.readers.containers.mcap_records import (
+    CHANNEL,
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    MAGIC,
+    MESSAGE,
+    RECORD_HEAD,
+    SCHEMA,
+)
+from replay.readers.containers.resume import resume
+from replay.readers.containers.stretch import Stretches
+
+_HEAD: Final = RECORD_HEAD.size
+
+
+@dataclass(slots=True)
+class Walk:
+    """Adds what stands outside chunks to a store, and yields the chunks."""
+
+    store: BlockStore
+    #: where the last whole record ends
+    whole: int = len(MAGIC)
+    data_ended: bool = False
+    has_footer: bool = False
+
+    def chunks(self) -> Iterator[Block]:
+        """Every chunk, the one that the end of the file tears among them."""
+        file = self.store.file
+        stretches = Stretches(self.store)
+        at = len(MAGIC)
+        while not self.has_footer and len(head := file.read(at, RECORD_HEAD.size)) == _HEAD:
+            opcode, length = RECORD_HEAD.unpack(head)
+            end = at + _HEAD + length
+            block = chunk_block(file, at) if opcode == CHUNK else None
+            if block is not None:
+                yield block
+                self.data_ended = False
+            elif opcode in (SCHEMA, CHANNEL, MESSAGE):
+                end = stretches.add(at, _HEAD + length)
+                self.data_ended = self.data_ended and opcode != MESSAGE
+            elif opcode in (0, CHUNK):
+                end = at
+            if end > file.size and (block is not None or self.data_ended):
+                break
+            if end == at or end > file.size:
+                end = resume(file, at, self.store.grammar.find)
+                if end is None:
+                    break
+                self.store.damage.skip(at, end)
+            elif opcode in (DATA_END, FOOTER):
+                self.data_ended = True
+                self.has_footer = opcode == FOOTER
+            self.whole = at = end

@@ -1,0 +1,255 @@
+"""Damage is a normal case: every whole message is kept, and what was lost is said."""
+
+import sqlite3
+import struct
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zstandard
+from mcap.writer import CompressionType
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+
+from replay import open_log
+from replay.readers.containers.bag_file import BagFile
+from replay.readers.containers.db3_file import Db3File
+from replay.readers.containers.mcap_file import McapFile
+from tests.replay.readers.damaged import chunks, overwrite, without_bag_index, without_footer
+from tests.replay.readers.stored import stored
+from tests.replay.readers.written_logs import (
+    Joints,
+    write_bag,
+    write_db3,
+    write_mcap,
+    write_rosbag2,
+)
+
+DRIVE = [
+    Joints(1000 + k, {"left": float(k), "right": -float(k)}, topic=f"/joints{k % 2}")
+    for k in range(200)
+]
+
+
+def times(messages: list) -> list[int]:
+    return sorted(time for _, time, _ in messages)
+
+
+@pytest.mark.parametrize("chunked", [False, True])
+def test_an_uncompressed_mcap_torn_anywhere_keeps_every_message_before_the_tear(
+    tmp_path: Path, chunked: bool
+) -> None:
+    path, torn = tmp_path / "whole.mcap", tmp_path / "torn.mcap"
+    write_mcap(path, DRIVE, use_chunking=chunked, chunk_size=3000, compression=CompressionType.NONE)
+    data = path.read_bytes()
+    container = McapFile(path)
+    ends = [data.index(message) + len(message) for *_, message in stored(container)]
+    container.close()
+    for cut in range(8, len(data), 397):
+        torn.write_bytes(data[:cut])
+        container = McapFile(torn)
+        assert len(stored(container)) == sum(end <= cut for end in ends), cut
+        # what is torn off behind the data is an index, whose loss costs nothing
+        assert container.losses or len(stored(container)) == len(DRIVE)
+        container.close()
+
+
+@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat], ids=str)
+def test_a_bag_torn_anywhere_keeps_every_whole_chunk_and_the_start_of_the_torn_one(
+    tmp_path: Path, compression: Any
+) -> None:
+    path, torn = tmp_path / "whole.bag", tmp_path / "torn.bag"
+    write_bag(path, DRIVE, compression, 3000)
+    container = BagFile(path)
+    whole = times(stored(container))
+    ends = [(b.offset + b.stored_bytes, b.last_ns) for b in container._store._blocks]
+    container.close()
+    data = path.read_bytes()
+    for cut in range(13, len(data), 397):
+        torn.write_bytes(data[:cut])
+        container = BagFile(torn)
+        found = times(stored(container))
+        assert found == whole[: len(found)]
+        assert len(found) >= max((last - 999 for end, last in ends if end <= cut), default=0)
+        assert container.losses
+        container.close()
+
+
+def test_a_wrong_crc_costs_its_chunk_and_says_how_many_messages_of_which_topic(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    chunk = chunks(path)[2]
+    overwrite(path, chunk.chunk_start_offset + 9 + 24, b"\x01\x02\x03\x04")
+    container = McapFile(path)
+    lost = set(range(chunk.message_start_time, chunk.message_end_time + 1))
+    assert set(times(stored(container))) == {1000 + k for k in range(200)} - lost
+    (loss,) = container.losses
+    assert f"at byte {chunk.chunk_start_offset} ({chunk.compressed_size:,} bytes)" in loss.what
+    assert f"lost from log time {chunk.message_start_time} ns" in loss.what
+    even = sum(time % 2 == 0 for time in lost)
+    assert f"{even} of /joints0, {len(lost) - even} of /joints1" in loss.what
+    container.close()
+
+
+@pytest.mark.parametrize("offset", [0, 1, 50])
+@pytest.mark.parametrize("compression", [CompressionType.NONE, CompressionType.ZSTD])
+def test_without_an_index_records_are_found_again_behind_damage(
+    tmp_path: Path, offset: int, compression: CompressionType
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000, compression=compression)
+    damaged = chunks(path)[2]
+    without_footer(path)
+    overwrite(path, damaged.chunk_start_offset + offset, b"\xff" * 12)
+    container = McapFile(path)
+    lost = range(damaged.message_start_time, damaged.message_end_time + 1)
+    assert set(times(stored(container))) >= {1000 + k for k in range(200)} - set(lost)
+    assert len(container.losses) >= 2
+    container.close()
+
+
+def test_a_bag_without_an_index_is_found_again_behind_damage(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    container = BagFile(path)
+    blocks = container._store._blocks
+    container.close()
+    without_bag_index(path)
+    overwrite(path, blocks[2].record_offset, b"\xff" * 20)
+    container = BagFile(path)
+    assert times(stored(container)) == [1000 + k for k in range(200)]  # also inside the chunk
+    assert any("bytes cannot be read, in 1 place" in loss.what for loss in container.losses)
+    container.close()
+
+
+def test_damage_in_a_chunk_without_a_crc_costs_the_messages_that_it_hit(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    data = path.read_bytes()
+    at = data.index(struct.pack("<II", 0, 1050)) - 9  # the header of one message
+    overwrite(path, at, b"\xff" * 30)
+    container = BagFile(path)
+    assert times(stored(container)) == [1000 + k for k in range(200) if k != 50]
+    whats = [loss.what for loss in container.losses]
+    assert any("are no whole records" in what for what in whats)
+    assert any("where its index counts" in what for what in whats)
+    container.close()
+
+
+@pytest.mark.parametrize("declared", [2**40, 2**63, 2**64 - 1, 2**29, 1])
+def test_a_chunk_that_lies_about_its_size_is_refused_and_costs_no_memory(
+    tmp_path: Path, declared: int
+) -> None:
+    path = tmp_path / "bomb.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    chunk = chunks(path)[1]
+    overwrite(path, chunk.chunk_start_offset + 9 + 16, struct.pack("<Q", declared))
+    container = McapFile(path)
+    lost = chunk.message_end_time - chunk.message_start_time + 1
+    assert len(stored(container)) == len(DRIVE) - lost
+    assert len(container.losses) == 1
+    container.close()
+
+
+def test_a_chunk_that_unpacks_to_more_than_it_declares_is_stopped_there(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    without_footer(path)
+    bomb = zstandard.compress(bytes(2**30))
+    head = struct.pack("<QQQII", 1, 2, 1000, 0, 4) + b"zstd" + struct.pack("<Q", len(bomb))
+    record = b"\x06" + struct.pack("<Q", len(head) + len(bomb)) + head + bomb
+    path.write_bytes(path.read_bytes() + record)
+    tracemalloc.start()
+    container = McapFile(path)
+    assert len(stored(container)) == len(DRIVE)
+    assert tracemalloc.get_traced_memory()[1] < 100e6
+    tracemalloc.stop()
+    assert any("more than the 1,000 bytes it declares" in loss.what for loss in container.losses)
+    container.close()
+
+
+def test_many_damaged_chunks_are_told_in_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=300)
+    for chunk in chunks(path):
+        overwrite(path, chunk.chunk_start_offset + 9 + 24, b"\x01\x02\x03\x04")
+    container = McapFile(path)
+    assert stored(container) == []
+    (loss,) = container.losses
+    assert "100 of /joints0, 100 of /joints1" in loss.what
+    container.close()
+
+
+def test_a_damaged_page_of_a_database_costs_its_rows_and_says_which(tmp_path: Path) -> None:
+    path = tmp_path / "shift.db3"
+    many = [Joints(1000 + k, {"left": float(k)}) for k in range(3000)]
+    write_db3(path, many)
+    data = bytearray(path.read_bytes())
+    page = data.index(struct.pack("<d", 1500.0)) // 4096
+    data[page * 4096 : (page + 1) * 4096] = b"\xff" * 4096
+    path.write_bytes(data)
+    container = Db3File(path)
+    found = times(stored(container))
+    assert 2900 < len(found) < 3000
+    assert (found[0], found[-1]) == (1000, 3999)
+    (loss,) = container.losses
+    assert "the database is damaged" in loss.what
+    assert "are lost" in loss.what
+    container.close()
+
+
+def test_values_that_are_no_messages_cost_their_rows(tmp_path: Path) -> None:
+    path = tmp_path / "shift.db3"
+    write_db3(path, DRIVE)
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE messages SET data = 'text' WHERE timestamp = 1007")
+        database.execute("UPDATE messages SET timestamp = 'soon' WHERE timestamp = 1009")
+        database.execute("UPDATE messages SET timestamp = -5 WHERE timestamp = 1011")
+    database.close()
+    container = Db3File(path)
+    left = {1000 + k for k in range(200)} - {1007, 1009, 1011}
+    assert set(times(stored(container))) == left
+    assert any("hold no message" in loss.what for loss in container.losses)
+    assert sum(container.log_times(c.id).size for c in container.connections) == 198
+    assert any("before the year 1970" in loss.what for loss in container.losses)
+    container.close()
+
+
+def test_a_message_that_cannot_be_unpacked_costs_itself(tmp_path: Path) -> None:
+    folder = tmp_path / "shift"
+    options = {"mode": CompressionMode.MESSAGE, "fmt": CompressionFormat.ZSTD}
+    write_rosbag2(folder, DRIVE, StoragePlugin.SQLITE3, **options)
+    file = next(folder.glob("*.db3"))
+    data = file.read_bytes()
+    frame = data.index(b"\x28\xb5\x2f\xfd", data.index(b"\x28\xb5\x2f\xfd") + 1)
+    overwrite(file, frame, bytes(4))
+    with open_log(folder) as log:
+        heights = [log.read(topic, []).height for topic in ("/joints0", "/joints1")]
+        assert sum(heights) == len(DRIVE) - 1
+        assert any("1 messages cannot be decompressed" in loss.what for loss in log.losses())
+
+
+def test_a_compressed_file_that_grows_beyond_measure_is_stopped(tmp_path: Path) -> None:
+    folder = tmp_path / "shift"
+    options = {"mode": CompressionMode.FILE, "fmt": CompressionFormat.ZSTD}
+    write_rosbag2(folder, DRIVE, StoragePlugin.MCAP, **options)
+    packed = next(folder.glob("*.zstd"))
+    whole = zstandard.ZstdDecompressor().stream_reader(packed.read_bytes()).read()
+    packed.write_bytes(zstandard.compress(whole + bytes(300 * 2**20)))
+    with open_log(folder) as log:
+        assert log.topics()["messages"].sum() == len(DRIVE)
+        assert any("it grows beyond" in loss.what for loss in log.losses())
+
+
+def test_metadata_that_counts_other_messages_is_a_loss(tmp_path: Path) -> None:
+    folder = tmp_path / "shift"
+    write_rosbag2(folder, DRIVE, StoragePlugin.MCAP)
+    yaml = folder / "metadata.yaml"
+    yaml.write_text(yaml.read_text().replace("message_count: 100", "message_count: 120"))
+    with open_log(folder) as log:
+        log.topics()
+        whats = [loss.what for loss in log.losses()]
+    assert whats == ["counts 120 messages, 100 are there"] * 2

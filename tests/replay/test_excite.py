@@ -1,0 +1,94 @@
+"""The command `excite`, and scenarios as files that read back as they were."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from analysis.excitation import design
+from analysis.simulation import Scenario
+from estimators.errors import DataError, OutputError
+from replay.excite import write_design
+from replay.scenario import load_scenario, scenario_text
+from replay.simulate import simulate
+
+PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
+BASE = load_scenario(None)
+
+
+def excite(*arguments, folder):
+    return subprocess.run(
+        [Path(sys.executable).with_name("payscope"), "excite", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("made", [Scenario(), BASE, load_scenario(PLANAR)])
+def test_a_scenario_that_is_written_reads_back_as_it_was(tmp_path, made):
+    path = tmp_path / "scenario.toml"
+    path.write_text(scenario_text(made), encoding="utf-8")
+    assert load_scenario(path) == made
+
+
+def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(tmp_path):
+    answer = excite("-o", "best.toml", "--json", folder=tmp_path)
+    assert answer.returncode == 0, answer.stderr
+    made = json.loads(answer.stdout)
+    (best,) = [each for each in made["waveforms"] if each["best"]]
+    scenario = load_scenario(tmp_path / "best.toml")
+    rest, driven = scenario.campaign.run
+    assert rest.kind == "rest"
+    assert driven.model_dump(exclude_none=True)["force"] == best["force"]
+    (log,) = simulate(scenario, tmp_path / "best.csv")
+    truth = json.loads(log.with_name("best.csv.truth.json").read_text(encoding="utf-8"))
+    assert [each["kind"] for each in truth["manoeuvres"]] == ["rest", "excite"]
+    assert truth["runs"][0]["mass_kg"] == 3614.0
+
+
+def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(tmp_path):
+    answer = excite("--accuracy", "0.01%", folder=tmp_path)
+    assert answer.returncode == 1
+    assert "No waveform reaches the accuracy of 0.0001" in answer.stdout
+
+
+def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(tmp_path):
+    answer = excite("--yard", "0.5", "-o", "best.toml", folder=tmp_path)
+    assert answer.returncode == 1
+    assert "No waveform fits the yard" in answer.stdout
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(DataError, match="fits the yard"):
+        write_design(design(BASE, yard_m=0.5), BASE, tmp_path / "best.toml")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--accuracy", "much"], "--accuracy much: write it as 1% or 0.01"),
+        (["--accuracy", "150%"], "below 100%"),
+        (["--window", "1"], "it lies between the response time T = 4.97 s"),
+        (["--set", "machine.mas_kg=3"], "unknown key 'machine.mas_kg'; did you mean 'mass_kg'?"),
+        (["--set", "mass"], "--set mass: write it as key=value"),
+        (["none.toml"], "none.toml: cannot be read"),
+        (["--motion", "sideways"], "sideways"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line_and_leaves_with_two(tmp_path, arguments, says):
+    answer = excite(*arguments, folder=tmp_path)
+    assert answer.returncode == 2
+    assert says in answer.stderr
+    assert answer.stderr.count("\n") == 1
+
+
+def test_the_scenario_that_is_read_is_never_overwritten(tmp_path):
+    mine = tmp_path / "mine.toml"
+    mine.write_text(scenario_text(BASE), encoding="utf-8")
+    before = mine.read_bytes()
+    assert excite("mine.toml", "-o", "mine.toml", "--force", folder=tmp_path).returncode == 2
+    with pytest.raises(OutputError, match="exists already"):
+        write_design(design(BASE), BASE, mine)
+    assert mine.read_bytes() == before
