@@ -3,8 +3,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
+BENCH_STAMP := .venv/.bench-stamp
 
-.PHONY: demo test lint types tests docs campaign coverage decoding forgetting gates reproduction lock clean help
+.PHONY: demo test lint types tests docs campaign coverage decoding forgetting gates reproduction speed memory lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -37,6 +38,10 @@ $(TEST_STAMP): requirements-dev.lock $(RUN_STAMP)
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
 	@touch $@
 
+$(BENCH_STAMP): requirements-bench.lock $(TEST_STAMP)
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-bench.lock
+	@touch $@
+
 docs: $(TEST_STAMP) ## run the documentation's commands and write down what comes out
 	$(BIN)/python docs/update.py
 
@@ -55,6 +60,12 @@ gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fiftee
 reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
 
+speed: $(BENCH_STAMP) ## the estimators against statsmodels, pandas, NumPy and padasip (two minutes)
+	$(BIN)/python benchmarks/speed.py
+
+memory: $(RUN_STAMP) ## the peak memory of a twelve-hour shift through every estimator (two minutes)
+	$(BIN)/python benchmarks/memory.py
+
 decoding: $(TEST_STAMP) ## the columnar decoder against rosbags over 2500 random types in each encoding (ten minutes)
 	PAYSCOPE_RANDOM_TYPES=2500 $(BIN)/python -m pytest tests/replay/decoding/test_equality.py
 	PAYSCOPE_RANDOM_TYPES=250 $(BIN)/python -m pytest tests/replay/decoding/test_damage.py
@@ -64,6 +75,8 @@ lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	  --no-emit-index-url --no-header --no-annotate --quiet -o requirements.lock
 	uv pip compile pyproject.toml --group build --group dev --universal --python-version 3.11 --generate-hashes \
 	  --no-emit-index-url --no-header --no-annotate --quiet -c requirements.lock -o requirements-dev.lock
+	uv pip compile pyproject.toml --group build --group dev --group bench --universal --python-version 3.11 --generate-hashes \
+	  --no-emit-index-url --no-header --no-annotate --quiet -c requirements-dev.lock -o requirements-bench.lock
 
 clean: ## remove the environment and what the tools cached
 	rm -rf .venv .pytest_cache .ruff_cache .hypothesis demo

@@ -55,13 +55,11 @@ def _judged(
     complete = ~has_gap
     complete[: window - 1] = False
 
-    rho, spread = information.window_correlation(A[:, 0].copy(), f, window)
-    index = information.information_index(rho)
-    condition = np.full(n, np.nan)
-    predicted_std = np.full(n, np.nan)
     rows = np.flatnonzero(complete).astype(np.int64)
-    if rows.size:
-        predicted_std[rows], condition[rows] = ls.predicted_deviation(A, f, window, rows)
+    rho, spread, predicted_std, condition = (np.full(n, np.nan) for _ in ls.Judged._fields)
+    seen = ls.judge_windows(A, f, window, rows)
+    rho[rows], spread[rows], predicted_std[rows], condition[rows] = seen
+    index = information.information_index(rho)
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
     # in the order of precedence: the first that holds is the reason

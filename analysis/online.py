@@ -143,12 +143,13 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
 
 
 def finish(state: State) -> Iterator[Mapping[str, Standing]]:
-    """The estimates that were still to come: after the last row, no braking follows."""
+    """The estimates that were still to come: what has not braked by the last row does not."""
     while state.settling:
         state, fed = _feed(state)
         yield fed
     for pending in state.pending:
-        state = _add(state, pending)
+        if state.watched.last_braking < pending.row:
+            state = _add(state, pending)
     yield _standing(state)
 
 
@@ -250,5 +251,10 @@ def _standing(state: State) -> Mapping[str, Standing]:
     if state.pool.samples == 0:
         return {}
     return {
-        "pooled": Standing(state.pooled_row, state.pool.estimate(state.settings.smooth_samples))
+        "pooled": Standing(
+            state.pooled_row,
+            state.pool.estimate(
+                state.settings.smooth_samples, options_of(X, state.settings).pooled
+            ),
+        )
     }

@@ -9,8 +9,7 @@ uncertainty by those that do not.
 
 import numpy as np
 
-from estimators.compiled import compiled
-from estimators.linear import at, solve_spd
+from estimators.linear import at, factor, inverse_spd, substitute
 from estimators.ls import solve_windows
 from estimators.trace import Floats, Ints
 
@@ -18,7 +17,6 @@ from estimators.trace import Floats, Ints
 DOUBT = 0.5
 
 
-@compiled
 def attenuation(G: Floats, theta: Floats, added: Floats) -> Floats:
     """(AᵀA - N)⁻¹ N θ, column by column of the noise.
 
@@ -31,30 +29,7 @@ def attenuation(G: Floats, theta: Floats, added: Floats) -> Floats:
         (p, p): row i holds what the noise of each column draws θ_i by; their sum is to be added.
         NaN where the columns are no more than their noise.
     """
-    clean = G - np.diag(added)
-    drawn = np.empty((theta.size, theta.size))
-    one = np.zeros(theta.size)
-    for c in range(theta.size):
-        one[c] = added[c] * theta[c]
-        drawn[:, c] = solve_spd(clean, one)
-        one[c] = 0.0
-    return drawn
-
-
-@compiled
-def attenuations(grams: Floats, samples: Floats, theta: Floats, noise_A: Floats) -> Floats:
-    """(rows, p) what to add to each of several estimates.
-
-    Args:
-        grams: (rows, p, p) AᵀA as measured.
-        samples: (rows,) samples in each.
-        theta: (rows, p) their least-squares solutions.
-        noise_A: (p,) r.m.s. noise of each column as it is in A.
-    """
-    out = np.empty(theta.shape)
-    for row in range(samples.size):
-        out[row] = attenuation(grams[row], theta[row], samples[row] * noise_A**2).sum(axis=1)
-    return out
+    return inverse_spd(G - np.diag(added)) * (added * theta)
 
 
 def window_attenuations(
@@ -63,11 +38,20 @@ def window_attenuations(
     """(rows, p) what to add to the estimates of the windows that end at `index`.
 
     To first order for weighted and recursive estimates, by the plain products of the window.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force or torque.
+        window: samples in a window.
+        index: (rows,) last samples of the windows.
+        theta: (rows, p) their estimates.
+        noise_A: (p,) r.m.s. noise of each column as it is in A.
     """
-    _, packed, _, _ = solve_windows(A, f, window, index)
     p = A.shape[1]
-    grams = np.empty((index.size, p, p))
+    added = window * noise_A**2
+    clean = solve_windows(A, f, window, index).grams.T.copy()
     for i in range(p):
-        for j in range(i, p):
-            grams[:, i, j] = grams[:, j, i] = packed[:, at(i, j, p)]
-    return attenuations(grams, np.full(index.size, float(window)), theta, noise_A)
+        clean[at(i, i, p)] -= added[i]
+    drawn = np.ascontiguousarray(theta.T * added[:, None])
+    substitute(*factor(clean, p, p), drawn)
+    return drawn.T

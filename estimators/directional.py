@@ -7,7 +7,6 @@ recursion runs in its covariance form, and its error's covariance by the error's
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.linear import inverse_spd
 from estimators.trace import Floats, Ints
 
 
@@ -40,14 +39,14 @@ def feed(
     theta: Floats,
     P: Floats,
     sums: tuple[float, float],
-) -> tuple[Floats, Floats, Floats, tuple[Floats, float, float]]:
-    """Steps over the union of the windows in index; θ, r.m.s., P⁻¹ and what is kept."""
+) -> tuple[Floats, Floats, Floats, tuple[float, float]]:
+    """Steps over the union of the windows in index; θ, r.m.s. and P a row, and the last sums."""
     rows = index.size
     p = theta.size
     square, weight = sums
     out = np.empty((rows, p))
     rms = np.empty(rows)
-    information = np.empty((rows, p, p))
+    covariance = np.empty((rows, p, p))
     theta = theta.copy()
     P = P.copy()
     for row in range(rows):
@@ -65,8 +64,8 @@ def feed(
             weight = forgetting * weight + 1.0
         out[row] = theta
         rms[row] = np.sqrt(max(square, 0.0) / weight)
-        information[row] = inverse_spd(P)
-    return out, rms, information, (P, square, weight)
+        covariance[row] = P
+    return out, rms, covariance, (square, weight)
 
 
 @compiled

@@ -11,16 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import ls
-from estimators.autocorrelation import pooled_autocorrelation, window_residuals
-from estimators.compiled import compiled
-from estimators.linear import at, condition_numbers, lstsq
-from estimators.normal import Normal, normal_equations, residual_squares, solve_products, store
-from estimators.reweighted import Reweighting, reweigh, reweighting
-from estimators.rolling import sum_windows, window_ends, workspace
-from estimators.sandwich import window_deviation, window_deviations
+from estimators.linear import lstsq
+from estimators.normal import gram, residual_squares, solve
+from estimators.reweighted import reweighted_sums
+from estimators.rolling import sum_windows, window_ends
+from estimators.sandwich import window_deviation
+from estimators.threads import in_chunks
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
-
-_ROUNDING = float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,57 +54,30 @@ def fit(
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
-@compiled
-def _solve_windows(
-    A: Floats,
-    f: Floats,
-    window: int,
-    index: Ints,
-    floor: float,
-    theta: Floats,
-    grams: Floats,
-    rss: Floats,
-    condition: Floats,
-) -> None:
-    """θ (rows, p), AᵀA (rows, entries) packed, RSS and condition (rows,)."""
-    p = A.shape[1]
-    work = workspace(p + 1, window)
-    normal = normal_equations(p, window)
-    weighted = reweighting(p, window)
-    limit = np.empty(window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        m = end - row
-        condition_numbers(work.products, p + 1, p, m, condition[row:end])
-        solve_products(work.products, m, normal)
-        weigh(work.z, work.products, window, index, row, end, floor, normal, limit, weighted)
-        residual_squares(work.products, weighted.normal.x, m, rss[row:end])
-        store(weighted.normal.x, work.products, row, m, theta, grams)
-        row = end
+def solve_windows(
+    A: Floats, f: Floats, window: int, index: Ints, options: FglsOptions
+) -> ls.Windows:
+    """Solve the windows that end at `index`."""
+    out = ls.Windows.empty(index.size, A.shape[1])
+
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        theta = weigh(A, f, window, index[rows], products, options)
+        out.keep(rows, products, theta, gram(products), residual_squares(products, theta))
+
+    in_chunks(work, index.size)
+    return out
 
 
-@compiled
 def weigh(
-    z: Floats,
-    products: Floats,
-    window: int,
-    index: Ints,
-    row: int,
-    end: int,
-    floor: float,
-    normal: Normal,
-    limit: Floats,
-    out: Reweighting,
-) -> None:
-    """Solve windows row … end - 1 once more, with the guarded weights of their OLS residuals."""
-    p = normal.x.shape[0]
-    ff = products[at(p, p, p + 1)]
-    for k in range(end - row):
-        # fᵀf less what is explained knows no residual below its own rounding
-        square = max(normal.rss[k], _ROUNDING * ff[k])
-        limit[k] = floor * np.sqrt(square / window)
-    reweigh(z, window, index, row, end, limit, True, normal.x, out)
+    A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: FglsOptions
+) -> Floats:
+    """θ (p, rows) of windows with those packed products (entries, rows): OLS, then weighted."""
+    first = solve(products)
+    # fᵀf less what is explained knows no residual below its own rounding
+    square = np.maximum(first.rss, np.finfo(np.float64).eps * products[-1])
+    limit = options.floor * np.sqrt(square / window)
+    return solve(reweighted_sums(A, f, window, index, first.theta, limit, True)).theta
 
 
 def trace(
@@ -126,10 +96,4 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    rows, p = index.size, A.shape[1]
-    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
-    rss, condition = np.empty(rows), np.empty(rows)
-    _solve_windows(A, f, window, index, options.floor, theta, grams, rss, condition)
-    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), A)
-    std = window_deviations(A, grams, rss, index, window, correlation)
-    return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)
+    return ls.traced(A, f, window, index, solve_windows(A, f, window, index, options))

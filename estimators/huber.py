@@ -13,11 +13,12 @@ import numpy as np
 from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
-from estimators.linear import at, condition_numbers, lstsq
-from estimators.normal import normal_equations, residual_squares, solve_products, store
-from estimators.reweighted import Reweighting, consecutive, residuals, reweigh, reweighting
-from estimators.rolling import sample_products, sum_windows, window_ends, workspace
+from estimators.linear import at, lstsq
+from estimators.normal import gram, residual_squares, solve
+from estimators.reweighted import AT_ONCE, load, residuals, reweighted_sums, runs
+from estimators.rolling import sample_products, sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
+from estimators.threads import in_chunks
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Iterations converge linearly; more than this many change nothing that matters.
@@ -67,198 +68,133 @@ def fit(
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
-@compiled
-def _solve_windows(
-    A: Floats,
-    f: Floats,
-    window: int,
-    index: Ints,
-    bend: float,
-    theta: Floats,
-    grams: Floats,
-    rss: Floats,
-    condition: Floats,
-    limit: Floats,
-    kept: Floats,
-    squares: Floats,
-) -> None:
-    """θ (rows, p), AᵀA (rows, entries) packed; the others, (rows,), as in `Robust`."""
-    p = A.shape[1]
-    work = workspace(p + 1, window)
-    normal = normal_equations(p, window)
-    room = robust(p, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        m = end - row
-        condition_numbers(work.products, p + 1, p, m, condition[row:end])
-        solve_products(work.products, m, normal)
-        solve_robust(work.z, window, index, row, end, bend, normal.x, room)
-        residual_squares(work.products, room.theta, m, rss[row:end])
-        store(room.theta, work.products, row, m, theta, grams)
-        for k in range(m):
-            limit[row + k] = room.limit[k]
-            kept[row + k] = room.kept[k]
-            squares[row + k] = room.squares[k]
-        row = end
-
-
-class Robust(NamedTuple):
-    """Room to solve windows of p parameters in.
+class Bent(NamedTuple):
+    """What is known of the residuals r of m solved windows, (m,) each.
 
     Attributes:
-        theta: (p, windows) estimates.
-        limit: (windows,) residuals up to this weigh fully.
-        kept: (windows,) mean ψ', the share of the samples that do.
-        squares: (windows,) sums of squared pseudo-residuals.
-        settled: (windows,) whether the estimate stands still.
-        residual: (windows,) of one sample of each window, and
-        sizes: (window,) of all samples of one window.
-        pull: (windows,) what a sample pulls with.
-        weighted: the normal equations of a step.
+        limit: residuals up to this weigh fully.
+        kept: mean ψ', the share of the samples that do.
+        squares: Σ of squared pseudo-residuals ψ(r) / mean ψ'.
     """
 
-    theta: Floats
     limit: Floats
     kept: Floats
     squares: Floats
-    settled: Bools
-    residual: Floats
-    sizes: Floats
-    pull: Floats
-    weighted: Reweighting
 
 
-@compiled
-def robust(p: int, window: int) -> Robust:
-    """Room for the windows of a pair of blocks."""
-    return Robust(
-        np.empty((p, window)),
-        np.empty(window),
-        np.empty(window),
-        np.empty(window),
-        np.empty(window, np.bool_),
-        np.empty(window),
-        np.empty(window),
-        np.empty(window),
-        reweighting(p, window),
-    )
-
-
-@compiled
-def solve_robust(
-    z: Floats,
-    window: int,
-    index: Ints,
-    row: int,
-    end: int,
-    bend: float,
-    start: Floats,
-    room: Robust,
-) -> None:
-    """Solve windows row … end - 1 from their OLS estimates `start` (p, ≥ end - row).
+def bend(
+    A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: HuberOptions
+) -> tuple[Floats, Bent]:
+    """Solve windows with those packed products (entries, rows): θ (p, rows).
 
     Huber's loss is quadratic between the samples' bends, so that Newton ends at its minimum
     exactly, mostly within five steps; a window where it does not is left to reweighting.
     """
-    p, m = start.shape[0], end - row
-    room.theta[:, :m] = start[:, :m]
-    for i in range(m):
-        offset = index[row + i] - index[row]
-        for s in range(window):
-            e = z[p, offset + s]
-            for c in range(p):
-                e -= z[c, offset + s] * start[c, i]
-            room.sizes[s] = abs(e)
-        room.limit[i] = bend * np.median(room.sizes) / 0.6745
-        room.settled[i] = room.limit[i] == 0.0 or np.isnan(room.limit[i])
+    theta = solve(products).theta
+    limit = options.bend * _medians(A, f, window, index, theta) / 0.6745
+    left = np.flatnonzero(limit > 0.0)
     for step in range(_NEWTON_STEPS + _MOST_STEPS):
-        if room.settled[:m].all():
+        if left.size == 0:
             break
-        if step < _NEWTON_STEPS:
-            _newton(z, window, index, row, end, room)
-        else:
-            weighted = room.weighted
-            reweigh(z, window, index, row, end, room.limit, False, room.theta, weighted)
-        _move(m, room)
-    _pseudo_residuals(z, window, index, row, end, room)
+        sums = _newton_sums if step < _NEWTON_STEPS else reweighted_sums
+        now = theta[:, left]
+        following = solve(sums(A, f, window, index[left], now, limit[left], False)).theta
+        stuck = np.isnan(following).any(axis=0)
+        theta[:, left] = following = np.where(stuck, now, following)
+        moved = np.abs(following - now).max(axis=0)
+        left = left[stuck | (moved > _SETTLED * np.abs(following).max(axis=0))]
+    kept, squares = _pseudo_residuals(A, f, window, index, theta, limit)
+    # without a limit nothing is clipped
+    kept = np.where(limit > 0.0, kept, 1.0)
+    return theta, Bent(limit, kept, squares / kept**2)
 
 
 @compiled
-def _newton(z: Floats, window: int, index: Ints, row: int, end: int, room: Robust) -> None:
-    """One step of Newton: full samples fit themselves, the others pull with the limit's force."""
-    p, out = room.theta.shape[0], room.weighted
-    sample_products(z, index[end - 1] - index[row] + window, out.raw)
-    out.products[:, : end - row] = 0.0
-    begin = row
-    while begin < end:
-        stop = consecutive(index, begin, end)
-        offset, low, high = index[begin] - index[row], begin - row, stop - row
-        full, pull, m = out.weight, room.pull, stop - begin
-        limit = room.limit[low:high]
-        for s in range(offset, offset + window):
-            residuals(z, s, room.theta, low, high, pull)
+def _medians(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
+    """The median |residual| of each window, (rows,)."""
+    p = theta.shape[0]
+    out = np.empty(index.size)
+    size = np.empty(window)
+    for row in range(index.size):
+        first = index[row] - window + 1
+        for s in range(window):
+            e = f[first + s]
+            for c in range(p):
+                e -= A[first + s, c] * theta[c, row]
+            size[s] = abs(e)
+        out[row] = np.median(size)
+    return out
+
+
+@compiled
+def _newton_sums(
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, _squared: bool
+) -> Floats:
+    """Normal equations of a Newton step: samples below the limit fit, the others pull with it.
+
+    Arguments and return value as for `reweighted_sums`.
+    """
+    p = A.shape[1]
+    entries = (p + 1) * (p + 2) // 2
+    z = np.empty((p + 1, window + AT_ONCE))
+    raw = np.empty((entries, window + AT_ONCE))
+    pull, full = np.empty(AT_ONCE), np.empty(AT_ONCE)
+    out = np.zeros((entries, index.size))
+    begins = runs(index)
+    for number in range(begins.size - 1):
+        begin: int = begins[number]
+        end: int = begins[number + 1]
+        m = end - begin
+        load(A, f, index[begin] - window + 1, window + m - 1, z)
+        sample_products(z, window + m - 1, raw)
+        now, bends = theta[:, begin:end].copy(), limit[begin:end]
+        sums = np.zeros((entries, m))
+        for s in range(window):
+            residuals(z, s, now, pull)
             force = z[p, s : s + m]
             for k in range(m):
-                inside = abs(pull[k]) <= limit[k]
-                clipped = limit[k] if pull[k] > 0.0 else -limit[k]
+                inside = abs(pull[k]) <= bends[k]
+                clipped = bends[k] if pull[k] > 0.0 else -bends[k]
                 pull[k] = force[k] if inside else clipped
                 full[k] = 1.0 if inside else 0.0
             for i in range(p):
                 for j in range(i, p):
                     entry = at(i, j, p + 1)
-                    total, product = out.products[entry, low:high], out.raw[entry, s : s + m]
+                    total, product = sums[entry], raw[entry, s : s + m]
                     for k in range(m):
                         total[k] += full[k] * product[k]
-                total, column = out.products[at(i, p, p + 1), low:high], z[i, s : s + m]
+                total, column = sums[at(i, p, p + 1)], z[i, s : s + m]
                 for k in range(m):
                     total[k] += pull[k] * column[k]
-        begin = stop
-    solve_products(out.products, end - row, out.normal)
-
-
-@compiled
-def _move(m: int, room: Robust) -> None:
-    """Take the step where the estimate has not settled, and see whether it has now."""
-    p, following = room.theta.shape[0], room.weighted.normal.x
-    for k in range(m):
-        moved, size, known = 0.0, 1e-300, True
-        for c in range(p):
-            moved = max(moved, abs(following[c, k] - room.theta[c, k]))
-            size = max(size, abs(following[c, k]))
-            known = known and not np.isnan(following[c, k])
-        if not room.settled[k] and known:
-            for c in range(p):
-                room.theta[c, k] = following[c, k]
-            room.settled[k] = moved < _SETTLED * size
+        out[:, begin:end] = sums
+    return out
 
 
 @compiled
 def _pseudo_residuals(
-    z: Floats, window: int, index: Ints, row: int, end: int, room: Robust
-) -> None:
-    """Σ of squared pseudo-residuals ψ(r) / mean ψ', and mean ψ' itself, of each window."""
-    room.squares[: end - row] = 0.0
-    room.kept[: end - row] = 0.0
-    begin = row
-    while begin < end:
-        stop = consecutive(index, begin, end)
-        offset, low, high = index[begin] - index[row], begin - row, stop - row
-        limit, kept = room.limit[low:high], room.kept[low:high]
-        squares, e = room.squares[low:high], room.residual
-        for s in range(offset, offset + window):
-            residuals(z, s, room.theta, low, high, e)
-            for k in range(stop - begin):
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats
+) -> tuple[Floats, Floats]:
+    """The share of |r| ≤ limit, and Σ of r² clipped there, of each window (rows,)."""
+    p = A.shape[1]
+    z = np.empty((p + 1, window + AT_ONCE))
+    e = np.empty(AT_ONCE)
+    kept, squares = np.zeros(index.size), np.zeros(index.size)
+    begins = runs(index)
+    for number in range(begins.size - 1):
+        begin: int = begins[number]
+        end: int = begins[number + 1]
+        m = end - begin
+        load(A, f, index[begin] - window + 1, window + m - 1, z)
+        now, bends = theta[:, begin:end].copy(), limit[begin:end]
+        inside, square = kept[begin:end], squares[begin:end]
+        for s in range(window):
+            residuals(z, s, now, e)
+            for k in range(m):
                 size = abs(e[k])
-                kept[k] += 1.0 if size <= limit[k] else 0.0
-                size = size if size < limit[k] else limit[k]
-                squares[k] += size * size
-        begin = stop
-    for k in range(end - row):
-        # without a limit nothing is clipped
-        share = room.kept[k] / window if room.limit[k] > 0.0 else 1.0
-        room.kept[k] = share
-        room.squares[k] /= share * share
+                inside[k] += 1.0 if size <= bends[k] else 0.0
+                size = size if size < bends[k] else bends[k]
+                square[k] += size * size
+    return kept / window, squares
 
 
 def trace(
@@ -278,16 +214,23 @@ def trace(
     p = A.shape[1]
     if index.size == 0:
         return Trace.empty(p)
-    rows = index.size
-    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
-    rss, condition, limit, kept, squares = (np.empty(rows) for _ in range(5))
-    _solve_windows(
-        A, f, window, index, options.bend, theta, grams, rss, condition, limit, kept, squares
-    )
-    residual, owner = window_residuals(A, f, theta, index, window)
+    solved = ls.Windows.empty(index.size, p)
+    bent = Bent(*(np.empty(index.size) for _ in Bent._fields))
+
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        theta, of_rows = bend(A, f, window, index[rows], products, options)
+        solved.keep(rows, products, theta, gram(products), residual_squares(products, theta))
+        for whole, part in zip(bent, of_rows, strict=True):
+            whole[rows] = part
+
+    in_chunks(work, index.size)
+    residual, owner = window_residuals(A, f, solved.theta, index, window)
     used = owner >= 0
     row = owner[used]
-    residual[used] = np.clip(residual[used], -limit[row], limit[row]) / kept[row]
+    limit = bent.limit[row]
+    residual[used] = np.clip(residual[used], -limit, limit) / bent.kept[row]
     correlation, _ = pooled_autocorrelation(residual, owner, A)
-    std = window_deviations(A, grams, squares, index, window, correlation)
-    return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)
+    std = window_deviations(A, solved.grams, bent.squares, index, window, correlation)
+    rms = np.sqrt(solved.rss / window)
+    return Trace(index, solved.theta, std, rms, solved.condition, correlation)

@@ -3,7 +3,9 @@
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.rolling import sum_windows, workspace
+from estimators.linear import at
+from estimators.rolling import pairs_of_blocks, sum_pair, uncentred, workspace
+from estimators.threads import in_chunks
 from estimators.trace import Floats, Ints
 
 #: A smaller share of Σx² than this is rounding, not variance.
@@ -27,35 +29,52 @@ def window_correlation(x: Floats, y: Floats, window: int) -> tuple[Floats, Float
     """
     rho = np.full(x.size, np.nan)
     spread = np.full(x.size, np.nan)
-    if x.size >= window:
-        every = np.arange(window - 1, x.size)
-        _correlate(x.reshape(-1, 1), y, window, every, rho[window - 1 :], spread[window - 1 :])
+    A = x.reshape(-1, 1)
+
+    def work(rows: slice) -> None:
+        ends = np.arange(rows.start, rows.stop) + window - 1
+        _, rho[ends], spread[ends] = correlated_sums(A, y, window, ends)
+
+    in_chunks(work, max(x.size - window + 1, 0))
     return rho, spread
 
 
 @compiled
-def _correlate(A: Floats, f: Floats, window: int, index: Ints, rho: Floats, spread: Floats) -> None:
-    """ρ of the only column of A and f, and its relative variance, for the windows in index."""
-    work = workspace(2, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        correlation(work.moments, work.centre, window, end - row, rho[row:end], spread[row:end])
-        row = end
+def correlated_sums(
+    A: Floats, f: Floats, window: int, index: Ints
+) -> tuple[Floats, Floats, Floats]:
+    """`rolling.sum_windows`, and of the same sums the correlation of A's first column and f.
+
+    Returns:
+        (entries, rows) packed products, (rows,) ρ and (rows,) relative variance, as
+        `window_correlation` has them.
+    """
+    q = A.shape[1] + 1
+    work = workspace(q, window)
+    products = np.empty((q * (q + 1) // 2, index.size))
+    rho, spread = np.empty(index.size), np.empty(index.size)
+    pairs = pairs_of_blocks(window, index)
+    for number in range(pairs.size - 1):
+        row: int = pairs[number]
+        end: int = pairs[number + 1]
+        sum_pair(A, f, window, index, row, end, work)
+        uncentred(work.moments, work.centre, window, row, end, products)
+        correlation(work.moments, work.centre, window, rho[row:end], spread[row:end])
+    return products, rho, spread
 
 
 @compiled
-def correlation(
-    moments: Floats, centre: Floats, window: int, m: int, rho: Floats, spread: Floats
-) -> None:
-    """ρ and relative variance (m,) from the moments of two series (see `rolling.Workspace`)."""
-    dx, dy, dxx, dxy, dyy = moments[0], moments[1], moments[2], moments[3], moments[4]
-    for k in range(m):
+def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, spread: Floats) -> None:
+    """ρ and relative variance (m,) of the first series and the last (see `rolling.Workspace`)."""
+    q = centre.size
+    dx, dy, dxx = moments[0], moments[q - 1], moments[q]
+    dxy, dyy = moments[q + at(0, q - 1, q)], moments[q + at(q - 1, q - 1, q)]
+    for k in range(rho.size):
         x, y = dx[k] / window, dy[k] / window
         sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]
         # a window of one value has deviations of exactly zero
         of_x = sxx / (sxx + window * (centre[0] + x) ** 2) if sxx > 0.0 else 0.0 * sxx
-        of_y = syy / (syy + window * (centre[1] + y) ** 2) if syy > 0.0 else 0.0 * syy
+        of_y = syy / (syy + window * (centre[q - 1] + y) ** 2) if syy > 0.0 else 0.0 * syy
         least = of_x if of_x < of_y or np.isnan(of_x) else of_y
         value = sxy / (np.sqrt(sxx) * np.sqrt(syy))
         value = 1.0 if value > 1.0 else value

@@ -29,19 +29,22 @@ def at(i: int, j: int, size: int) -> int:
 
 
 @compiled
-def factor(G: Floats, size: int, p: int, m: int, L: Floats, inverse: Floats) -> None:
+def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     """Factor the leading p × p of m packed matrices, G = L D Lᵀ; NaN where one is singular.
 
     Without square roots, and the same in whatever units the columns are.
 
     Args:
-        G: (entries, ≥ m) packed, of `size` columns.
+        G: (entries, m) packed, of `size` columns.
         size: columns of the packed matrices.
         p: columns to factor.
-        m: systems.
-        L: (p, p, ≥ m) gets the unit lower triangle below its diagonal.
-        inverse: (p, ≥ m) gets 1 / D.
+
+    Returns:
+        (p, p, m) L, a unit lower triangle below its diagonal, and (p, m) 1 / D.
     """
+    m = G.shape[1]
+    L = np.empty((p, p, m))
+    inverse = np.empty((p, m))
     for i in range(p):
         diagonal = G[at(i, i, size)]
         pivot = inverse[i]
@@ -53,7 +56,7 @@ def factor(G: Floats, size: int, p: int, m: int, L: Floats, inverse: Floats) -> 
             for k in range(m):
                 lower[k] = entry[k]
             for r in range(j):
-                # L[j, i] above the diagonal holds L D, which is what is subtracted
+                # above its diagonal L holds L D, which is what is subtracted
                 a, b = L[j, r], L[r, i]
                 for k in range(m):
                     lower[k] -= a[k] * b[k]
@@ -65,12 +68,13 @@ def factor(G: Floats, size: int, p: int, m: int, L: Floats, inverse: Floats) -> 
         for k in range(m):
             regular = pivot[k] > DEPENDENT * diagonal[k]
             pivot[k] = 1.0 / pivot[k] if regular else np.nan
+    return L, inverse
 
 
 @compiled
-def substitute(L: Floats, inverse: Floats, m: int, x: Floats) -> None:
-    """Solve m factored systems in place: x (p, ≥ m) is the right-hand side, then the solution."""
-    p = inverse.shape[0]
+def substitute(L: Floats, inverse: Floats, x: Floats) -> None:
+    """Solve m factored systems in place: x (p, m) is the right-hand side, then the solution."""
+    p, m = inverse.shape
     for i in range(p):
         for r in range(i):
             out, lower, known = x[i], L[i, r], x[r]
@@ -86,22 +90,28 @@ def substitute(L: Floats, inverse: Floats, m: int, x: Floats) -> None:
                 out[k] -= lower[k] * known[k]
 
 
-@compiled
-def invert(L: Floats, inverse: Floats, m: int, out: Floats) -> None:
-    """The inverses of m factored systems, (p, p, ≥ m)."""
-    p = inverse.shape[0]
+def invert(L: Floats, inverse: Floats) -> Floats:
+    """The inverses (p, p, m) of m factored systems."""
+    p, m = inverse.shape
+    out = np.zeros((p, p, m))
     for i in range(p):
-        out[i, :, :m] = 0.0
-        out[i, i, :m] = 1.0
-        substitute(L, inverse, m, out[i])
+        out[i, i] = 1.0
+        substitute(L, inverse, out[i])
+    return out
 
 
 @compiled
-def condition_numbers(G: Floats, size: int, p: int, m: int, out: Floats) -> None:
-    """Condition numbers of A, columns scaled to unit norm, from m packed AᵀA; (≥ m,) into `out`.
+def condition_numbers(G: Floats, size: int, p: int) -> Floats:
+    """Condition numbers (m,) of A, columns scaled to unit norm, from m packed AᵀA.
 
     The eigenvalues are those of Jacobi's rotations, of which 2 × 2 needs one.
+
+    Args:
+        G: (entries, m) packed, of `size` columns.
+        size: columns of the packed matrices.
+        p: the leading columns that count.
     """
+    m = G.shape[1]
     N = np.empty((p * (p + 1) // 2, m))
     for i in range(p):
         for j in range(i, p):
@@ -120,6 +130,7 @@ def condition_numbers(G: Floats, size: int, p: int, m: int, out: Floats) -> None
         for k in range(m):
             low[k] = value[k] if value[k] < low[k] else low[k]
             high[k] = value[k] if value[k] > high[k] else high[k]
+    out = np.empty(m)
     for k in range(m):
         out[k] = np.sqrt(high[k] / low[k]) if low[k] > 0.0 else np.inf
     for i in range(p):
@@ -127,6 +138,7 @@ def condition_numbers(G: Floats, size: int, p: int, m: int, out: Floats) -> None
         for k in range(m):
             # a column of zeros
             out[k] = np.inf if np.isnan(value[k]) else out[k]
+    return out
 
 
 @compiled
@@ -155,42 +167,32 @@ def _rotate(N: Floats, p: int, i: int, j: int, m: int) -> None:
                 y[k] = sine[k] * old + cosine[k] * y[k]
 
 
-@compiled
-def _packed(G: Floats) -> Floats:
-    p = G.shape[0]
-    out = np.empty((p * (p + 1) // 2, 1))
+def pack(G: Floats) -> Floats:
+    """One symmetric matrix (size, size), packed (entries,)."""
+    return np.asarray(G[np.triu_indices(len(G))], np.float64)
+
+
+def unpack(entries: Floats, size: int, p: int) -> Floats:
+    """The leading (p, p) of one packed symmetric matrix of `size` columns."""
+    G = np.empty((p, p))
     for i in range(p):
         for j in range(i, p):
-            out[at(i, j, p), 0] = G[i, j]
-    return out
+            G[i, j] = G[j, i] = entries[at(i, j, size)]
+    return G
 
 
-@compiled
 def solve_spd(G: Floats, h: Floats) -> Floats:
     """The solution (p,) of one system G (p, p) x = h (p,); NaN where G is singular."""
-    p = h.size
-    L = np.empty((p, p, 1))
-    inverse = np.empty((p, 1))
-    factor(_packed(G), p, p, 1, L, inverse)
-    x = h.copy().reshape(p, 1)
-    substitute(L, inverse, 1, x)
-    return x[:, 0].copy()
+    x = np.array(h, np.float64).reshape(-1, 1)
+    substitute(*factor(pack(G).reshape(-1, 1), len(G), len(G)), x)
+    return x[:, 0]
 
 
-@compiled
 def inverse_spd(G: Floats) -> Floats:
     """The inverse of one symmetric positive definite matrix; NaN where it is singular."""
-    p = G.shape[0]
-    L = np.empty((p, p, 1))
-    inverse = np.empty((p, 1))
-    factor(_packed(G), p, p, 1, L, inverse)
-    out = np.empty((p, p, 1))
-    invert(L, inverse, 1, out)
-    return out[:, :, 0].copy()
+    return invert(*factor(pack(G).reshape(-1, 1), len(G), len(G)))[:, :, 0]
 
 
 def condition_number(G: Floats) -> float:
     """The condition number of A from its Gram matrix G = AᵀA, columns scaled to unit norm."""
-    out = np.empty(1)
-    condition_numbers(_packed(G), G.shape[0], G.shape[0], 1, out)
-    return float(out[0])
+    return float(condition_numbers(pack(G).reshape(-1, 1), len(G), len(G))[0])

@@ -1,16 +1,22 @@
 """Ordinary least squares (6) over sliding windows: θ = (AᵀA)⁻¹ Aᵀf, a window stacked."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
+from estimators.information import correlated_sums
 from estimators.linear import condition_number, condition_numbers, lstsq, substitute
-from estimators.normal import Normal, normal_equations, solve_products, store
-from estimators.rolling import sum_windows, window_ends, workspace
+from estimators.normal import gram, solve
+from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
+from estimators.threads import in_chunks
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
+
+#: Beyond this condition the normal equations keep fewer than about eleven digits.
+_POORLY_CONDITIONED = 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,89 +50,130 @@ def fit(
     return Estimate(theta, std, rms, float(condition_number(gram)))
 
 
-def solve_windows(
-    A: Floats, f: Floats, window: int, index: Ints
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Solve the windows that end at `index`.
+class Windows(NamedTuple):
+    """What the solved windows keep, a row a window.
 
-    Returns:
-        θ (rows, p), AᵀA (rows, p(p+1)/2) packed, RSS (rows,) and condition (rows,).
+    Attributes:
+        theta: (rows, p) estimates.
+        grams: (rows, p(p+1)/2) packed, what stands for AᵀA in their deviations.
+        rss: (rows,) residual sums of squares.
+        condition: (rows,) condition numbers.
     """
-    rows, p = index.size, A.shape[1]
-    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
-    rss, condition = np.empty(rows), np.empty(rows)
-    _solve(A, f, window, index, theta, grams, rss, condition)
-    return theta, grams, rss, condition
+
+    theta: Floats
+    grams: Floats
+    rss: Floats
+    condition: Floats
+
+    @classmethod
+    def empty(cls, rows: int, parameters: int) -> "Windows":
+        """Room for that many."""
+        return cls(
+            np.empty((rows, parameters)),
+            np.empty((rows, parameters * (parameters + 1) // 2)),
+            np.empty(rows),
+            np.empty(rows),
+        )
+
+    def keep(
+        self, rows: slice, products: Floats, theta: Floats, grams: Floats, rss: Floats
+    ) -> None:
+        """Keep θ (p, m), grams (entries, m) and RSS (m,) of windows with those packed products."""
+        p = len(theta)
+        self.theta[rows] = theta.T
+        self.grams[rows] = grams.T
+        self.rss[rows] = rss
+        self.condition[rows] = condition_numbers(products, p + 1, p)
+
+
+def solve_windows(A: Floats, f: Floats, window: int, index: Ints) -> Windows:
+    """Solve the windows that end at `index`."""
+    out = Windows.empty(index.size, A.shape[1])
+
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        theta, rss = least_squares(A, f, window, index[rows], products)
+        out.keep(rows, products, theta, gram(products), rss)
+
+    in_chunks(work, index.size)
+    return out
+
+
+def least_squares(
+    A: Floats, f: Floats, window: int, index: Ints, products: Floats
+) -> tuple[Floats, Floats]:
+    """θ (p, rows) and RSS (rows,) of windows with those packed products (entries, rows).
+
+    The normal equations lose twice the digits that the window's condition costs. Where that is
+    much, one correction by the residuals themselves gives half of them back (Björck 1987).
+    """
+    solved = solve(products)
+    theta = solved.theta
+    p = len(theta)
+    poor = np.flatnonzero(condition_numbers(products, p + 1, p) > _POORLY_CONDITIONED)
+    if poor.size:
+        correction = _pulls(A, f, window, index[poor], theta[:, poor])
+        L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)
+        substitute(L, inverse, correction)
+        theta[:, poor] += correction
+    return theta, solved.rss
 
 
 @compiled
-def _solve(
-    A: Floats,
-    f: Floats,
-    window: int,
-    index: Ints,
-    theta: Floats,
-    grams: Floats,
-    rss: Floats,
-    condition: Floats,
-) -> None:
+def _pulls(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
+    """Aᵀ(f - A θ) of each window, (p, rows): zero but for what θ (p, rows) has lost."""
     p = A.shape[1]
-    work = workspace(p + 1, window)
-    normal = normal_equations(p, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        solve_products(work.products, end - row, normal)
-        store(normal.x, work.products, row, end - row, theta, grams)
-        for k in range(end - row):
-            rss[row + k] = normal.rss[k]
-        condition_numbers(work.products, p + 1, p, end - row, condition[row:end])
-        row = end
+    out = np.zeros((p, index.size))
+    for row in range(index.size):
+        for k in range(index[row] - window + 1, index[row] + 1):
+            e = f[k]
+            for c in range(p):
+                e -= A[k, c] * theta[c, row]
+            for c in range(p):
+                out[c, row] += A[k, c] * e
+    return out
 
 
-@compiled
-def _promise(
-    A: Floats, f: Floats, window: int, index: Ints, predicted: Floats, condition: Floats
-) -> None:
-    p = A.shape[1]
-    work = workspace(p + 1, window)
-    normal = normal_equations(p, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        predict(work.products, window, end - row, normal, predicted[row:end])
-        condition_numbers(work.products, p + 1, p, end - row, condition[row:end])
-        row = end
+class Judged(NamedTuple):
+    """What a window shows before it is used, (rows,) each.
+
+    Attributes:
+        rho: correlation of the first column and the force.
+        spread: relative variance of the two (see `information`).
+        predicted: sqrt(σ̂² (G⁻¹)₁₁), the textbook's deviation of the first parameter: a measure to
+            rank windows by, not the deviation that is reported.
+        condition: condition number of the regressor.
+    """
+
+    rho: Floats
+    spread: Floats
+    predicted: Floats
+    condition: Floats
 
 
-@compiled
-def predict(products: Floats, window: int, m: int, normal: Normal, predicted: Floats) -> None:
-    """The predicted deviation of the first parameter (m,) from m windows' packed products."""
-    p = normal.x.shape[0]
-    solve_products(products, m, normal)
-    freedom = max(window - p, 1)
-    for k in range(m):
-        predicted[k] = normal.rss[k] / freedom
+def judge_windows(A: Floats, f: Floats, window: int, index: Ints) -> Judged:
+    """What the gate asks of the windows that end at `index`, in one pass over the samples."""
+    out = Judged(*(np.empty(index.size) for _ in Judged._fields))
+
+    def work(rows: slice) -> None:
+        products, *seen = correlated_sums(A, f, window, index[rows])
+        for whole, part in zip(out, (*seen, *promise(products, window)), strict=True):
+            whole[rows] = part
+
+    in_chunks(work, index.size)
+    return out
+
+
+def promise(products: Floats, window: int) -> tuple[Floats, Floats]:
+    """The predicted deviation (m,) and condition (m,) of windows with those packed products."""
+    solved = solve(products)
+    p = len(solved.theta)
     # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
-    normal.x[:, :m] = 0.0
-    normal.x[0, :m] = 1.0
-    substitute(normal.L, normal.inverse, m, normal.x)
-    first = normal.x[0]
-    for k in range(m):
-        predicted[k] = np.sqrt(predicted[k] * first[k])
-
-
-def predicted_deviation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, Floats]:
-    """What a window promises before it is used: sqrt(σ̂² (G⁻¹)₁₁) of the first parameter.
-
-    Textbook variance, so a measure to rank windows by, not the deviation that is reported.
-
-    Returns:
-        (rows,) predicted deviation and (rows,) condition number of the windows that end at index.
-    """
-    predicted, condition = np.empty(index.size), np.empty(index.size)
-    _promise(A, f, window, index, predicted, condition)
-    return predicted, condition
+    unit = np.zeros(solved.theta.shape)
+    unit[0] = 1.0
+    substitute(solved.L, solved.inverse, unit)
+    freedom = max(window - p, 1)
+    return np.sqrt(solved.rss / freedom * unit[0]), condition_numbers(products, p + 1, p)
 
 
 def trace(
@@ -145,7 +192,13 @@ def trace(
     index = window_ends(accepted, window)
     if index.size == 0:
         return Trace.empty(A.shape[1])
-    theta, grams, rss, condition = solve_windows(A, f, window, index)
-    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), A)
+    return traced(A, f, window, index, solve_windows(A, f, window, index))
+
+
+def traced(A: Floats, f: Floats, window: int, index: Ints, solved: Windows) -> Trace:
+    """Give solved windows their deviations, from the residuals' autocorrelation over the log."""
+    theta, grams, rss, condition = solved
+    residual, owner = window_residuals(A, f, theta, index, window)
+    correlation, _ = pooled_autocorrelation(residual, owner, A)
     std = window_deviations(A, grams, rss, index, window, correlation)
     return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)

@@ -4,12 +4,12 @@ The paper leaves an estimate without the Gaussian assumption to future work; thi
 """
 
 import numpy as np
-from numba import njit
 
+from estimators.compiled import compiled
 from estimators.trace import Floats, Ints
 
 
-@njit(cache=True)
+@compiled
 def _digamma(upto: int) -> Floats:
     """ψ(n) for n = 1 … upto at index n; ψ(n + 1) = ψ(n) + 1/n."""
     psi = np.empty(upto + 1)
@@ -20,7 +20,7 @@ def _digamma(upto: int) -> Floats:
     return psi
 
 
-@njit(cache=True)
+@compiled
 def window_mutual_information(
     x: Floats, y: Floats, window: int, index: Ints, neighbours: int
 ) -> Floats:

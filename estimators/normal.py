@@ -4,87 +4,50 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.compiled import compiled
 from estimators.linear import at, factor, substitute
 from estimators.trace import Floats
 
 
-class Normal(NamedTuple):
-    """Room to solve windows of p parameters in.
+class Solution(NamedTuple):
+    """Of m windows: θ (p, m), NaN where AᵀA is singular, its factors and the RSS (m,)."""
 
-    Attributes:
-        L: (p, p, windows) factors of AᵀA.
-        inverse: (p, windows) of their pivots.
-        x: (p, windows) solutions; NaN where AᵀA is singular.
-        rss: (windows,) residual sums of squares.
-    """
-
+    theta: Floats
     L: Floats
     inverse: Floats
-    x: Floats
     rss: Floats
 
 
-@compiled
-def normal_equations(p: int, windows: int) -> Normal:
-    """Room for that many windows."""
-    return Normal(
-        np.empty((p, p, windows)),
-        np.empty((p, windows)),
-        np.empty((p, windows)),
-        np.empty(windows),
-    )
+def columns_of(products: Floats) -> int:
+    """How many columns [A f] has whose packed products these are."""
+    return (int(np.sqrt(8 * len(products) + 1)) - 1) // 2
 
 
-@compiled
-def solve_products(products: Floats, m: int, normal: Normal) -> None:
-    """Solve AᵀA x = Aᵀf of m windows; products (entries, ≥ m) packed, p + 1 columns."""
-    p = normal.x.shape[0]
-    factor(products, p + 1, p, m, normal.L, normal.inverse)
+def solve(products: Floats) -> Solution:
+    """Solve AᵀA θ = Aᵀf of m windows; products (entries, m) packed."""
+    q = columns_of(products)
+    p = q - 1
+    L, inverse = factor(products, q, p)
+    sides = [at(i, p, q) for i in range(p)]
+    theta = products[sides]
+    substitute(L, inverse, theta)
+    rss = products[at(p, p, q)].copy()
+    for side, x in zip(sides, theta, strict=True):
+        rss -= products[side] * x
+    return Solution(theta, L, inverse, np.maximum(rss, 0.0))
+
+
+def residual_squares(products: Floats, theta: Floats) -> Floats:
+    """Residual sums of squares (m,) of any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
+    p = len(theta)
+    rss = products[at(p, p, p + 1)].copy()
     for i in range(p):
-        x, h = normal.x[i], products[at(i, p, p + 1)]
-        for k in range(m):
-            x[k] = h[k]
-    substitute(normal.L, normal.inverse, m, normal.x)
-    rss, ff = normal.rss, products[at(p, p, p + 1)]
-    for k in range(m):
-        rss[k] = ff[k]
-    for i in range(p):
-        x, h = normal.x[i], products[at(i, p, p + 1)]
-        for k in range(m):
-            rss[k] -= h[k] * x[k]
-    for k in range(m):
-        rss[k] = 0.0 if rss[k] < 0.0 else rss[k]
-
-
-@compiled
-def residual_squares(products: Floats, x: Floats, m: int, rss: Floats) -> None:
-    """Residual sums of squares (m,) of any solutions x (p, ≥ m): ff - 2 xᵀh + xᵀG x."""
-    p = x.shape[0]
-    ff = products[at(p, p, p + 1)]
-    for k in range(m):
-        rss[k] = ff[k]
-    for i in range(p):
-        a, h = x[i], products[at(i, p, p + 1)]
-        for k in range(m):
-            rss[k] -= 2.0 * a[k] * h[k]
+        rss -= 2.0 * theta[i] * products[at(i, p, p + 1)]
         for j in range(p):
-            b, G = x[j], products[at(min(i, j), max(i, j), p + 1)]
-            for k in range(m):
-                rss[k] += a[k] * b[k] * G[k]
-    for k in range(m):
-        rss[k] = 0.0 if rss[k] < 0.0 else rss[k]
+            rss += theta[i] * theta[j] * products[at(min(i, j), max(i, j), p + 1)]
+    return np.maximum(rss, 0.0)
 
 
-@compiled
-def store(x: Floats, products: Floats, row: int, m: int, theta: Floats, grams: Floats) -> None:
-    """Keep m solutions in theta (rows, p) and their AᵀA, packed, in grams (rows, entries)."""
-    p = x.shape[0]
-    for i in range(p):
-        solution = x[i]
-        for k in range(m):
-            theta[row + k, i] = solution[k]
-        for j in range(i, p):
-            entry = products[at(i, j, p + 1)]
-            for k in range(m):
-                grams[row + k, at(i, j, p)] = entry[k]
+def gram(products: Floats) -> Floats:
+    """AᵀA alone, packed (p(p+1)/2, m), out of the products of [A f]."""
+    q = columns_of(products)
+    return products[[at(i, j, q) for i in range(q - 1) for j in range(i, q - 1)]]

@@ -17,25 +17,19 @@ from estimators import rls as recursion
 from estimators import rtls as total_recursion
 from estimators.compiled import compiled
 from estimators.fgls import FglsOptions, weigh
-from estimators.huber import HuberOptions, robust, solve_robust
+from estimators.huber import HuberOptions, bend
 from estimators.information import correlation
-from estimators.linear import at, condition_number, condition_numbers, inverse_spd
-from estimators.ls import predict
-from estimators.normal import normal_equations, residual_squares, solve_products
-from estimators.pooled import add_sample, solve_sums
-from estimators.recursive import discount, packed
-from estimators.reweighted import reweighting
+from estimators.linear import condition_number, condition_numbers, inverse_spd, pack, unpack
+from estimators.ls import least_squares
+from estimators.ls import promise as ls_promise
+from estimators.normal import columns_of, gram, residual_squares, solve
+from estimators.pooled import PooledOptions, add_sample, without_noise
+from estimators.recursive import feed_products, in_lanes, weights
 from estimators.rls import RlsOptions, RlsState
-from estimators.rolling import (
-    centred_terms,
-    lanes_of,
-    sample_products,
-    suffix_sums,
-    uncentred,
-)
+from estimators.rolling import centred_terms, lanes_of, suffix_sums, uncentred
 from estimators.rtls import RtlsOptions
-from estimators.tls import TlsOptions, roots, solve_scaled
-from estimators.trace import Estimate, Floats
+from estimators.tls import TlsOptions, solve_scaled
+from estimators.trace import Estimate, Floats, Ints
 
 
 class WindowState(NamedTuple):
@@ -107,14 +101,8 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
         for lane in range(prefix.size):
             moments[lane, 0] = suffix[lane, since] + prefix[lane]
         products = np.empty(state.products.shape)
-        uncentred(moments, centre, window, 1, products)
+        uncentred(moments, centre, window, 0, 1, products)
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
-
-
-def rows_of(state: WindowState, newest: int) -> tuple[Floats, Floats]:
-    """A (newest, p) and f (newest,) of the newest samples."""
-    z = state.z[:, -newest:]
-    return np.ascontiguousarray(z[:-1].T), np.ascontiguousarray(z[-1])
 
 
 class Promise(NamedTuple):
@@ -126,94 +114,67 @@ class Promise(NamedTuple):
     condition: float
 
 
-@compiled
 def promise(state: WindowState) -> Promise:
     """ρ of the first column and the force, their spread, predicted deviation and condition."""
-    q, window = state.z.shape
-    p = q - 1
-    five = np.empty((5, 1))
-    five[0], five[1] = state.moments[0], state.moments[p]
-    five[2] = state.moments[q]
-    five[3] = state.moments[q + at(0, p, q)]
-    five[4] = state.moments[q + at(p, p, q)]
-    centre = np.array([state.centre[0], state.centre[p]])
-    rho, spread, predicted, condition = np.empty(1), np.empty(1), np.empty(1), np.empty(1)
-    correlation(five, centre, window, 1, rho, spread)
-    predict(state.products, window, 1, normal_equations(p, 1), predicted)
-    condition_numbers(state.products, q, p, 1, condition)
-    return Promise(rho[0], spread[0], predicted[0], condition[0])
-
-
-def _estimate(
-    state: WindowState, x: Floats, G: Floats, rss: float, of_deviation: float, mean: int
-) -> Estimate:
-    """One window's estimate; G (p, p) stands for AᵀA, `of_deviation` for RSS in its deviation."""
-    q, window = state.z.shape
-    condition = np.empty(1)
-    condition_numbers(state.products, q, q - 1, 1, condition)
-    freedom = window - (q - 1) * mean
-    variance = of_deviation / freedom * mean if freedom > 0 else np.nan
-    std = np.sqrt(variance * np.diagonal(inverse_spd(G)))
-    return Estimate(x[:, 0].copy(), std, float(np.sqrt(rss / window)), float(condition[0]))
-
-
-def unpacked(entries: Floats, size: int, p: int) -> Floats:
-    """The leading (p, p) of a packed symmetric matrix of `size` columns."""
-    G = np.empty((p, p))
-    for i in range(p):
-        for j in range(i, p):
-            G[i, j] = G[j, i] = entries[at(i, j, size)]
-    return G
-
-
-def _gram(state: WindowState) -> Floats:
-    return unpacked(state.products[:, 0], len(state.z), len(state.z) - 1)
+    window = state.z.shape[1]
+    rho, spread = np.empty(1), np.empty(1)
+    correlation(state.moments, state.centre, window, rho, spread)
+    predicted, condition = ls_promise(state.products, window)
+    return Promise(float(rho[0]), float(spread[0]), float(predicted[0]), float(condition[0]))
 
 
 def ls(state: WindowState, mean: int) -> Estimate:
     """Ordinary least squares of the window that ends now."""
-    p = len(state.z) - 1
-    normal = normal_equations(p, 1)
-    solve_products(state.products, 1, normal)
-    rss = float(normal.rss[0])
-    return _estimate(state, normal.x, _gram(state), rss, rss, mean)
+    A, f, end = _as_log(state)
+    theta, _ = least_squares(A, f, f.size, end, state.products)
+    return _estimate(state, theta, gram(state.products), mean)
 
 
 def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the window that ends now: O(window)."""
-    q, window = state.z.shape
-    normal, weighted = normal_equations(q - 1, 1), reweighting(q - 1, window)
-    solve_products(state.products, 1, normal)
-    end = np.array([window - 1])
-    limit = np.empty(1)
-    weigh(state.z, state.products, window, end, 0, 1, options.floor, normal, limit, weighted)
-    rss = np.empty(1)
-    x = np.ascontiguousarray(weighted.normal.x[:, :1])
-    residual_squares(state.products, x, 1, rss)
-    return _estimate(state, x, _gram(state), rss[0], rss[0], mean)
+    A, f, end = _as_log(state)
+    theta = weigh(A, f, f.size, end, state.products, options)
+    return _estimate(state, theta, gram(state.products), mean)
 
 
 def tls(state: WindowState, mean: int, options: TlsOptions) -> Estimate:
     """Total least squares of the window that ends now."""
-    p = len(state.z) - 1
-    scale, work, rss = options.scales(p), roots(p, 1), np.empty(1)
-    solve_scaled(state.products, scale, 1, work)
-    x = work.normal.x
-    residual_squares(state.products, x, 1, rss)
-    clean = unpacked(work.shifted[:, 0], p + 1, p) * np.outer(scale, scale)
-    return _estimate(state, x, clean, rss[0], rss[0], mean)
+    return _estimate(state, *solve_scaled(state.products, options), mean)
 
 
 def huber(state: WindowState, mean: int, options: HuberOptions) -> Estimate:
-    """Huber's regression of the window that ends now: O(window) a step of at most a hundred."""
+    """Huber's regression of the window that ends now: O(window) a step, of a hundred at most."""
+    A, f, end = _as_log(state)
+    theta, bent = bend(A, f, f.size, end, state.products, options)
+    return _estimate(state, theta, gram(state.products), mean, bent.squares)
+
+
+def _as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:
+    """A (window, p), f (window,) and the end (1,) of a log that is the window."""
+    A = np.ascontiguousarray(state.z[:-1].T)
+    return A, state.z[-1].copy(), np.array([state.z.shape[1] - 1])
+
+
+def _estimate(
+    state: WindowState, theta: Floats, G: Floats, mean: int, squares: Floats | None = None
+) -> Estimate:
+    """One window's estimate: θ (p, 1), G packed (entries, 1) for AᵀA, squares (1,) for RSS."""
     q, window = state.z.shape
-    normal, room, rss = normal_equations(q - 1, 1), robust(q - 1, window), np.empty(1)
-    solve_products(state.products, 1, normal)
-    end = np.array([window - 1])
-    solve_robust(state.z, window, end, 0, 1, options.bend, normal.x, room)
-    x = np.ascontiguousarray(room.theta[:, :1])
-    residual_squares(state.products, x, 1, rss)
-    return _estimate(state, x, _gram(state), rss[0], float(room.squares[0]), mean)
+    p = q - 1
+    rss = residual_squares(state.products, theta)
+    return Estimate(
+        theta[:, 0].copy(),
+        _deviations(G[:, 0], p, rss if squares is None else squares, window, mean),
+        float(np.sqrt(rss[0] / window)),
+        float(condition_numbers(state.products, q, p)[0]),
+    )
+
+
+def _deviations(G: Floats, p: int, rss: Floats, samples: int, mean: int) -> Floats:
+    """The textbook's deviations (p,), `mean` samples of residuals counting as one."""
+    freedom = samples - p * mean
+    variance = rss[0] / freedom * mean if freedom > 0 else np.nan
+    return np.sqrt(variance * np.diagonal(inverse_spd(unpack(G, p, p))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +183,7 @@ class Past:
 
     Attributes:
         products: (lanes,) packed, discounted products of the columns of [A f].
-        squares: (lanes,) packed AᵀA, discounted by λ²: what the errors of Aᵀf vary by.
+        squares: (lanes,) the same, discounted by λ²: what the errors of Aᵀf vary by.
         weight: discounted number of samples.
     """
 
@@ -233,27 +194,22 @@ class Past:
 
 def _fed(state: WindowState, past: Past, newest: int, forgetting: float) -> Past:
     """Feed the newest samples of the window."""
-    q = len(state.z)
-    z = np.ascontiguousarray(state.z[:, -newest:])
+    A, f, _ = _as_log(state)
+    fed = np.arange(f.size - newest, f.size)
     products, squares = past.products.copy(), past.squares.copy()
-    weight = past.weight
-    for sums, columns, decay in ((products, q, forgetting), (squares, q - 1, forgetting**2)):
-        terms = np.zeros((sums.size, newest))
-        sample_products(z[:columns], newest, terms)
-        discount(terms, newest, decay, sums, np.empty((sums.size, newest)))
-    for _ in range(newest):
-        weight = forgetting * weight + 1.0
-    return Past(products, squares, weight)
+    feed_products(A, f, fed, forgetting, products)
+    feed_products(A, f, fed, forgetting**2, squares)
+    return Past(products, squares, float(weights(newest, forgetting, past.weight)[-1]))
 
 
 def _recursive_estimate(
-    theta: Floats, past: Past, bread: Floats, rss: float, condition: float, mean: int
+    theta: Floats, past: Past, R: Floats, rss: float, mean: int, condition: float
 ) -> Estimate:
-    """The errors of θ are `bread` (p, p) times those of Aᵀf."""
+    """Of θ = R⁻¹ Aᵀf: its errors are R⁻¹ (p, p) times those of Aᵀf."""
     p = theta.size
-    M = unpacked(past.squares, p, p)
-    variance = rss / past.weight * mean
-    std = np.sqrt(variance * np.diagonal(bread @ M @ bread))
+    bread = inverse_spd(R)
+    M = unpack(past.squares, p + 1, p)
+    std = np.sqrt(rss / past.weight * mean * np.diagonal(bread @ M @ bread))
     return Estimate(theta, std, float(np.sqrt(rss / past.weight)), condition)
 
 
@@ -270,44 +226,41 @@ def rls(
         options: the forgetting.
     """
     p = len(state.z) - 1
+    entries = len(state.products)
     if past is None:
-        begin = recursion.start(*rows_of(state, state.z.shape[1]), options)
-        G, R = _gram(state), np.diag(1.0 / np.diagonal(begin.P))
-        first = Past(
-            packed(recursion.information(begin)),
-            packed(R @ inverse_spd(G) @ R),
-            begin.weight,
+        A, f, _ = _as_log(state)
+        begin = recursion.start(A, f, options)
+        R, G = np.diag(1.0 / np.diagonal(begin.P)), unpack(state.products[:, 0], p + 1, p)
+        squares = np.zeros((p + 1, p + 1))
+        squares[:p, :p] = R @ inverse_spd(G) @ R
+        past = Past(
+            in_lanes(pack(recursion.information(begin))), in_lanes(pack(squares)), begin.weight
         )
-        bread = inverse_spd(R)
-        return first, _recursive_estimate(
-            begin.theta, first, bread, begin.square, condition_number(G), mean
-        )
-    past = _fed(state, past, newest, options.forgetting)
-    normal = normal_equations(p, 1)
-    solve_products(past.products.reshape(-1, 1), 1, normal)
-    R = unpacked(past.products, p + 1, p)
-    rss, condition = float(normal.rss[0]), condition_number(R)
-    theta = normal.x[:, 0].copy()
-    return past, _recursive_estimate(theta, past, inverse_spd(R), rss, condition, mean)
+        theta, rss, condition = begin.theta, begin.square, condition_number(G)
+    else:
+        past = _fed(state, past, newest, options.forgetting)
+        solved = solve(past.products[:entries].reshape(-1, 1))
+        R = unpack(past.products, p + 1, p)
+        theta, rss, condition = solved.theta[:, 0], float(solved.rss[0]), condition_number(R)
+    return past, _recursive_estimate(theta, past, R, rss, mean, condition)
 
 
 def directional_rls(
     state: WindowState, past: RlsState | None, newest: int, mean: int, options: RlsOptions
 ) -> tuple[RlsState, Estimate]:
     """The same with directional forgetting, whose past is its covariance."""
-    window = state.z.shape[1]
-    A, f = rows_of(state, window)
+    A, f, _ = _as_log(state)
     if past is None:
         past = recursion.start(A, f, options)
-        R = _gram(state)
+        p = past.theta.size
+        R = unpack(state.products[:, 0], p + 1, p)
     else:
-        ends = np.array([window - 1 - newest, window - 1])
-        sums = (past.square, past.weight)
-        theta, _, information, kept = directional.feed(
-            A, f, window, ends, options.forgetting, past.theta, past.P, sums
+        ends = np.array([f.size - 1 - newest, f.size - 1])
+        theta, _, P, sums = directional.feed(
+            A, f, f.size, ends, options.forgetting, past.theta, past.P, (past.square, past.weight)
         )
-        past = RlsState(theta[-1], *kept)
-        R = information[-1]
+        past = RlsState(theta[-1], P[-1], *sums)
+        R = inverse_spd(past.P)
     rms = float(np.sqrt(max(past.square, 0.0) / past.weight))
     std = rms * np.sqrt(mean * np.diagonal(inverse_spd(R)))
     return past, Estimate(past.theta, std, rms, condition_number(R))
@@ -317,22 +270,20 @@ def rtls(
     state: WindowState, past: Past | None, newest: int, mean: int, options: RtlsOptions
 ) -> tuple[Past, Estimate]:
     """Recursive total least squares; arguments as for `rls`."""
-    p = len(state.z) - 1
-    scale, work, rss = options.noise.scales(p), roots(p, 1), np.empty(1)
+    p, entries = len(state.z) - 1, len(state.products)
     if past is None:
-        begin = total_recursion.start(*rows_of(state, state.z.shape[1]), options)
-        past = Past(
-            packed(total_recursion.unscaled(begin, options)), packed(_gram(state)), begin.weight
-        )
+        A, f, _ = _as_log(state)
+        begin = total_recursion.start(A, f, options)
+        products = in_lanes(pack(total_recursion.unscaled(begin, options)))
+        past = Past(products, in_lanes(state.products[:, 0]), begin.weight)
     else:
         past = _fed(state, past, newest, options.forgetting)
-    products = past.products.reshape(-1, 1)
-    solve_scaled(products, scale, 1, work)
-    residual_squares(products, work.normal.x, 1, rss)
-    clean = unpacked(work.shifted[:, 0], p + 1, p) * np.outer(scale, scale)
-    condition = condition_number(unpacked(past.products, p + 1, p))
-    theta = work.normal.x[:, 0].copy()
-    return past, _recursive_estimate(theta, past, inverse_spd(clean), rss[0], condition, mean)
+    products = past.products[:entries].reshape(-1, 1)
+    theta, clean = solve_scaled(products, options.noise)
+    rss = float(residual_squares(products, theta)[0])
+    condition = float(condition_numbers(products, p + 1, p)[0])
+    R = unpack(clean[:, 0], p, p)
+    return past, _recursive_estimate(theta[:, 0], past, R, rss, mean, condition)
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,16 +299,18 @@ class Pool:
         add_sample(sample[:-1].copy(), sample[-1], products)
         return Pool(products, self.samples + 1)
 
-    def estimate(self, mean: int) -> Estimate:
+    def estimate(self, mean: int, options: PooledOptions) -> Estimate:
         """Least squares of all of them."""
-        theta, condition = solve_sums(self.products.reshape(-1, 1))
-        p = theta.shape[1]
-        G, rss = unpacked(self.products, p + 1, p), np.empty(1)
-        residual_squares(self.products.reshape(-1, 1), theta.T.copy(), 1, rss)
-        freedom = self.samples - p * mean
-        variance = rss[0] / freedom * mean if freedom > 0 else np.nan
-        std = np.sqrt(variance * np.diagonal(inverse_spd(G)))
-        return Estimate(theta[0], std, float(np.sqrt(rss[0] / self.samples)), float(condition[0]))
+        products = self.products.reshape(-1, 1)
+        counts = np.array([float(self.samples)])
+        theta, p = solve(without_noise(products, counts, options)).theta, columns_of(products) - 1
+        rss = residual_squares(products, theta)
+        return Estimate(
+            theta[:, 0],
+            _deviations(gram(products)[:, 0], p, rss, self.samples, mean),
+            float(np.sqrt(rss[0] / self.samples)),
+            float(condition_numbers(products, p + 1, p)[0]),
+        )
 
 
 def start_pool(parameters: int) -> Pool:

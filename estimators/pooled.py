@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.attenuation import DOUBT, attenuations
+from estimators.attenuation import DOUBT
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
-from estimators.linear import at, condition_numbers
-from estimators.normal import normal_equations, solve_products
+from estimators.linear import at, condition_numbers, unpack
+from estimators.normal import columns_of, solve
 from estimators.sandwich import deviations, meat
 from estimators.student import widening
 from estimators.trace import Floats, Ints, Trace
@@ -60,16 +60,14 @@ def add_sample(a: Floats, f: float, products: Floats) -> None:
     products[at(p, p, p + 1)] += f * f
 
 
-@compiled
-def solve_sums(products: Floats) -> tuple[Floats, Floats]:
-    """θ (ids, p) and condition (ids,) of packed sums (entries, ids); NaN where singular."""
-    entries, ids = products.shape
-    p = int(np.sqrt(2 * entries)) - 1
-    normal = normal_equations(p, ids)
-    solve_products(products, ids, normal)
-    condition = np.empty(ids)
-    condition_numbers(products, p + 1, p, ids, condition)
-    return normal.x.T.copy(), condition
+def without_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
+    """Packed sums (entries, ids) of counts (ids,) samples, less what noise added to AᵀA."""
+    if options.noise_A is None:
+        return products
+    clean, q = products.copy(), columns_of(products)
+    for i in range(q - 1):
+        clean[at(i, i, q)] -= counts * options.noise_A[i] ** 2
+    return clean
 
 
 def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None = None) -> Trace:
@@ -85,7 +83,7 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         A row a segment, in ascending order of segment_id; `index` is its last pooled sample.
         A segment whose samples do not determine θ has NaN.
     """
-    noise = (options or PooledOptions()).noise_A
+    options = options or PooledOptions()
     p = A.shape[1]
     used = segment_id >= 0
     ids = np.unique(segment_id[used]).astype(np.int64)
@@ -93,12 +91,10 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         return Trace.empty(p)
     products, first, last = _sums(A, f, segment_id, ids)
     counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
-    theta, condition = solve_sums(products)
-    grams = np.stack([_gram(products[:, row], p) for row in range(ids.size)])
-    change = np.zeros_like(theta)
-    if noise is not None:
-        change = attenuations(grams, counts, theta, noise)
-        grams, theta = grams - counts[:, None, None] * np.diag(np.square(noise)), theta + change
+    ordinary = solve(products).theta.T
+    clean = without_noise(products, counts, options)
+    theta = np.ascontiguousarray(solve(clean).theta.T)
+    condition = condition_numbers(products, p + 1, p)
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
@@ -110,16 +106,8 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        known = deviations(grams[row], B, rss[row], counts[row])
+        gram = unpack(clean[:, row], p + 1, p)
+        known = deviations(gram, B, float(rss[row]), float(counts[row]))
         std[row] = known * widening(counts[row], correlation)
-    std = np.hypot(std, DOUBT * change)
+    std = np.hypot(std, DOUBT * (theta - ordinary))
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)
-
-
-def _gram(products: Floats, p: int) -> Floats:
-    """AᵀA (p, p) from a packed sum."""
-    G = np.empty((p, p))
-    for i in range(p):
-        for j in range(i, p):
-            G[i, j] = G[j, i] = products[at(i, j, p + 1)]
-    return G

@@ -4,15 +4,18 @@ Sliding windows share samples, so each sample is fed once, over the union of the
 first the whole first window, then after each accepted window the samples that it adds.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from estimators.compiled import compiled
 from estimators.linear import at
 from estimators.rolling import lanes_of, load_columns, sample_products
+from estimators.threads import CHUNK
 from estimators.trace import Floats, Ints
 
-#: Samples that are fed between two looks at the rows: their sums stay in the fastest cache.
-CHUNK = 512
+#: Consecutive samples that are worked on together: their sums stay in the fastest cache.
+_AT_ONCE = 512
 
 
 @compiled
@@ -30,21 +33,42 @@ def fed_samples(index: Ints, window: int) -> tuple[Ints, Ints]:
     return fed, seen
 
 
+def chunks_of(seen: Ints) -> Iterator[tuple[slice, slice, Ints]]:
+    """The samples fed after the first window, in chunks.
+
+    Args:
+        seen: (rows,) how many of them each row has seen.
+
+    Yields:
+        The samples of a chunk; the rows that stand at one of them; and at which, from its start.
+    """
+    for begin in range(0, int(seen[-1]), CHUNK):
+        end = min(begin + CHUNK, int(seen[-1]))
+        rows = slice(*np.searchsorted(seen, [begin, end], side="right"))
+        yield slice(begin, end), rows, seen[rows] - 1 - begin
+
+
 @compiled
 def stretch_end(fed: Ints, begin: int) -> int:
-    """The end of the stretch of consecutive samples from fed[begin] on, `CHUNK` at most."""
+    """The end of the stretch of consecutive samples from fed[begin] on, `_AT_ONCE` at most."""
     end = begin + 1
-    while end < fed.size and end - begin < CHUNK and fed[end] == fed[end - 1] + 1:
+    while end < fed.size and end - begin < _AT_ONCE and fed[end] == fed[end - 1] + 1:
         end += 1
     return end
 
 
 @compiled
-def discount(terms: Floats, count: int, forgetting: float, past: Floats, sums: Floats) -> None:
-    """Sums λ s + term over `count` terms (lanes, ≥ count); past (lanes,) is s before and after."""
+def discount(
+    terms: Floats, begin: int, end: int, forgetting: float, past: Floats, sums: Floats
+) -> None:
+    """Put λ s + term into sums (lanes, ≥ end) from `begin` on, terms (lanes, ≥ end - begin) from 0.
+
+    `past` (lanes,) is s before and after.
+    """
+    count = end - begin
     for lane in range(0, past.size, 3):
         a, b, c = terms[lane, :count], terms[lane + 1, :count], terms[lane + 2, :count]
-        x, y, z = sums[lane, :count], sums[lane + 1, :count], sums[lane + 2, :count]
+        x, y, z = sums[lane, begin:end], sums[lane + 1, begin:end], sums[lane + 2, begin:end]
         s, t, u = past[lane], past[lane + 1], past[lane + 2]
         for k in range(count):
             s = forgetting * s + a[k]
@@ -56,14 +80,10 @@ def discount(terms: Floats, count: int, forgetting: float, past: Floats, sums: F
         past[lane], past[lane + 1], past[lane + 2] = s, t, u
 
 
-@compiled
-def packed(G: Floats) -> Floats:
-    """A symmetric matrix (size, size) as the lanes of a discounted sum."""
-    size = G.shape[0]
-    past = np.zeros(lanes_of(size * (size + 1) // 2))
-    for i in range(size):
-        for j in range(i, size):
-            past[at(i, j, size)] = G[i, j]
+def in_lanes(entries: Floats) -> Floats:
+    """A packed matrix (entries,) as the lanes of a discounted sum."""
+    past = np.zeros(lanes_of(entries.size))
+    past[: entries.size] = entries
     return past
 
 
@@ -77,9 +97,8 @@ def discounted_meats(
     forgetting: float,
     decay: float,
     correlation: Floats,
-    meat: Floats,
-    out: Floats,
-) -> None:
+    past: Floats,
+) -> Floats:
     """The discounted Aᵀ R A of the past at each row: what the errors of Aᵀf vary by.
 
     Args:
@@ -91,8 +110,10 @@ def discounted_meats(
         forgetting: λ, the weight of a sample over that of the next.
         decay: what the sum falls by a sample: λ², or λ for the weights' own sum.
         correlation: (lags,) residual autocorrelation, 1 first.
-        meat: (p, p) of the first window.
-        out: (rows, entries) packed.
+        past: (lanes,) that of the first window, packed; it is used up.
+
+    Returns:
+        (rows, entries) packed.
     """
     p = A.shape[1]
     entries = p * (p + 1) // 2
@@ -101,10 +122,10 @@ def discounted_meats(
     fading[0] = 1.0
     for lag in range(1, lags):
         fading[lag] = fading[lag - 1] * forgetting
-    past = packed(meat)
+    out = np.empty((seen.size, entries))
     out[0] = past[:entries]
-    z, near = np.empty((p, CHUNK)), np.empty((p, CHUNK))
-    terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
+    z, near = np.empty((p, _AT_ONCE)), np.empty((p, _AT_ONCE))
+    terms, sums = np.zeros((past.size, _AT_ONCE)), np.empty((past.size, _AT_ONCE))
     row = 1
     stretch = begin = 0
     while begin < fed.size:
@@ -139,47 +160,46 @@ def discounted_meats(
                 term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
-        discount(terms, count, decay, past, sums)
+        discount(terms, 0, count, decay, past, sums)
         while row < seen.size and seen[row] <= end:
             for entry in range(entries):
                 out[row, entry] = sums[entry, seen[row] - 1 - begin]
             row += 1
         begin = end
+    return out
 
 
 @compiled
-def feed_products(
-    A: Floats,
-    f: Floats,
-    fed: Ints,
-    begin: int,
-    forgetting: float,
-    past: Floats,
-    z: Floats,
-    terms: Floats,
-    sums: Floats,
-) -> int:
-    """Discounted products of the columns of [A f] after each sample of the stretch from `begin`.
+def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floats) -> Floats:
+    """Discounted products (lanes, fed) of the columns of [A f] after each sample fed.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
-        fed: (fed,) the samples, of which those before `begin` are in `past`.
-        begin: the first to feed.
+        fed: (fed,) the samples, ascending.
         forgetting: λ.
         past: (lanes,) packed sums before and after.
-        z: (p + 1, CHUNK) gets the samples,
-        terms: (lanes, CHUNK) their products,
-        sums: (lanes, CHUNK) the discounted sums.
-
-    Returns:
-        The end of the stretch.
     """
-    p = A.shape[1]
-    end = stretch_end(fed, begin)
-    count = end - begin
-    load_columns(A, fed[begin], count, z)
-    z[p, :count] = f[fed[begin] : fed[begin] + count]
-    sample_products(z, count, terms)
-    discount(terms, count, forgetting, past, sums)
-    return end
+    q = A.shape[1] + 1
+    z, terms = np.empty((q, _AT_ONCE)), np.zeros((past.size, _AT_ONCE))
+    sums = np.empty((past.size, fed.size))
+    begin = 0
+    while begin < fed.size:
+        end = stretch_end(fed, begin)
+        count = end - begin
+        load_columns(A, fed[begin], count, z)
+        z[q - 1, :count] = f[fed[begin] : fed[begin] + count]
+        sample_products(z, count, terms)
+        discount(terms, begin, end, forgetting, past, sums)
+        begin = end
+    return sums
+
+
+@compiled
+def weights(count: int, forgetting: float, weight: float) -> Floats:
+    """The discounted number of samples after each of `count` more."""
+    out = np.empty(count)
+    for k in range(count):
+        weight = forgetting * weight + 1.0
+        out[k] = weight
+    return out

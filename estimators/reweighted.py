@@ -3,130 +3,110 @@
 Consecutive windows share their samples, so one operation at a time is done on many windows.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.normal import Normal, normal_equations, solve_products
-from estimators.rolling import sample_products
+from estimators.rolling import load_columns, sample_products
 from estimators.trace import Floats, Ints
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
-AT_ONCE = 128
-
-
-class Reweighting(NamedTuple):
-    """Room to weigh the samples of windows in.
-
-    Attributes:
-        raw: (entries, 2 window) products of the samples' columns of [A f], packed.
-        weight: (windows,) weights of one sample of each window.
-        products: (entries, windows) weighted sums of the products.
-        normal: their normal equations.
-    """
-
-    raw: Floats
-    weight: Floats
-    products: Floats
-    normal: Normal
+AT_ONCE = 256
+#: Samples of a window that are added in one go.
+_IN_STEP = 4
 
 
 @compiled
-def reweighting(p: int, window: int) -> Reweighting:
-    """Room for the windows of a pair of blocks."""
-    entries = (p + 1) * (p + 2) // 2
-    return Reweighting(
-        np.empty((entries, 2 * window)),
-        np.empty(window),
-        np.empty((entries, window)),
-        normal_equations(p, window),
-    )
+def runs(index: Ints) -> Ints:
+    """Where in index (rows,) the runs of consecutive windows begin, (runs + 1,)."""
+    begins = np.empty(index.size + 1, np.int64)
+    count = 0
+    for row in range(index.size):
+        follows = row > 0 and index[row] == index[row - 1] + 1
+        if not follows or row - begins[count - 1] == AT_ONCE:
+            begins[count] = row
+            count += 1
+    begins[count] = index.size
+    return begins[: count + 1]
 
 
 @compiled
-def consecutive(index: Ints, begin: int, end: int) -> int:
-    """The end of the consecutive windows from row `begin` on, `AT_ONCE` at most."""
-    stop = begin + 1
-    while stop < end and stop - begin < AT_ONCE and index[stop] == index[stop - 1] + 1:
-        stop += 1
-    return stop
+def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
+    """Lay samples of [A f] from `first` on out a row a column, z (p + 1, > samples), then zeros."""
+    load_columns(A, first, samples, z)
+    z[A.shape[1], :samples] = f[first : first + samples]
+    z[:, samples : samples + _IN_STEP] = 0.0
 
 
 @compiled
-def reweigh(
-    z: Floats,
-    window: int,
-    index: Ints,
-    row: int,
-    end: int,
-    limit: Floats,
-    squared: bool,
-    theta: Floats,
-    out: Reweighting,
-) -> None:
-    """Solve windows with weights limit / max(|r|, limit) of their residuals r, or its square.
-
-    Args:
-        z: (p + 1, ≥ samples) columns of [A f] from the first sample of window `row` on.
-        window: samples in a window.
-        index: (rows,) last samples of windows.
-        row: the first window to solve, and
-        end: the first beyond, all of one pair of blocks.
-        limit: (≥ end - row,) residuals up to this weigh fully; 0 only for a window without any.
-        squared: whether to weigh by the square.
-        theta: (p, ≥ end - row) the estimates that leave the residuals.
-        out: gets the weighted `products` and their solutions.
-    """
-    samples = index[end - 1] - index[row] + window
-    sample_products(z, samples, out.raw)
-    out.products[:, : end - row] = 0.0
-    begin = row
-    while begin < end:
-        stop = consecutive(index, begin, end)
-        offset = index[begin] - index[row]
-        _sum_weighted(z, window, offset, begin - row, stop - row, limit, squared, theta, out)
-        begin = stop
-    solve_products(out.products, end - row, out.normal)
-
-
-@compiled
-def _sum_weighted(
-    z: Floats,
-    window: int,
-    offset: int,
-    begin: int,
-    end: int,
-    limit: Floats,
-    squared: bool,
-    theta: Floats,
-    out: Reweighting,
-) -> None:
-    """Weighted sums over consecutive windows, of which number `begin` starts at z[:, offset]."""
-    m = end - begin
-    weight, full = out.weight, limit[begin:end]
-    for s in range(offset, offset + window):
-        residuals(z, s, theta, begin, end, weight)
+def add_weighted(weights: Floats, raw: Floats, sample: int, sums: Floats) -> None:
+    """Add `_IN_STEP` samples from `sample` + k on to sums (entries, m), but for the last entry."""
+    entries, m = sums.shape
+    u, v, w, x = weights[0], weights[1], weights[2], weights[3]
+    for entry in range(entries - 1):
+        total, product = sums[entry], raw[entry, sample : sample + m + _IN_STEP]
         for k in range(m):
-            size = abs(weight[k])
-            # an exact fit leaves nothing to weigh by
-            share = full[k] / size if size > full[k] else 1.0
-            weight[k] = share * share if squared else share
-        # all but the last entry, fᵀf, which the solution does not need
-        for entry in range(out.raw.shape[0] - 1):
-            total, product = out.products[entry, begin:end], out.raw[entry, s : s + m]
-            for k in range(m):
-                total[k] += weight[k] * product[k]
+            early = u[k] * product[k] + v[k] * product[k + 1]
+            total[k] += early + (w[k] * product[k + 2] + x[k] * product[k + 3])
 
 
 @compiled
-def residuals(z: Floats, s: int, theta: Floats, begin: int, end: int, out: Floats) -> None:
-    """Residuals (end - begin,) of sample s + k under estimate begin + k."""
-    p, m = theta.shape[0], end - begin
-    force = z[p, s : s + m]
+def residuals(z: Floats, sample: int, theta: Floats, out: Floats) -> None:
+    """Residuals (m,) of sample `sample` + k under estimate k of theta (p, m)."""
+    p, m = theta.shape
+    x, column, force = theta[0], z[0, sample : sample + m], z[p, sample : sample + m]
     for k in range(m):
-        out[k] = force[k]
-    for c in range(p):
-        x, column = theta[c, begin:end], z[c, s : s + m]
+        out[k] = force[k] - x[k] * column[k]
+    for c in range(1, p):
+        x, column = theta[c], z[c, sample : sample + m]
         for k in range(m):
             out[k] -= x[k] * column[k]
+
+
+@compiled
+def reweighted_sums(
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, limit: Floats, squared: bool
+) -> Floats:
+    """Sum with weights limit / max(|r|, limit) of the residuals r, or its square.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        window: samples in a window.
+        index: (rows,) last samples of windows, ascending.
+        theta: (p, rows) the estimates that leave the residuals.
+        limit: (rows,) residuals up to this weigh fully; 0 only for a window without any.
+        squared: whether to weigh by the square.
+
+    Returns:
+        (entries, rows) packed, weighted products of the columns of [A f]; the last, fᵀf, is 0.
+    """
+    q = A.shape[1] + 1
+    entries = q * (q + 1) // 2
+    z = np.empty((q, window + AT_ONCE + _IN_STEP))
+    raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
+    weights = np.empty((_IN_STEP, AT_ONCE))
+    out = np.zeros((entries, index.size))
+    begins = runs(index)
+    for number in range(begins.size - 1):
+        begin: int = begins[number]
+        end: int = begins[number + 1]
+        m = end - begin
+        first = index[begin] - window + 1
+        load(A, f, first, window + m - 1, z)
+        sample_products(z, window + m - 1 + _IN_STEP, raw)
+        now, full = theta[:, begin:end].copy(), limit[begin:end]
+        sums = np.zeros((entries, m))
+        for s in range(0, window, _IN_STEP):
+            for c in range(_IN_STEP):
+                weight = weights[c]
+                residuals(z, s + c, now, weight)
+                for k in range(m):
+                    size = abs(weight[k])
+                    # an exact fit leaves nothing to weigh by
+                    share = full[k] / size if size > full[k] else 1.0
+                    weight[k] = share * share if squared else share
+                if s + c >= window:
+                    weight[:m] = 0.0
+            add_weighted(weights, raw, s, sums)
+        out[:, begin:end] = sums
+    return out

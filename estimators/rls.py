@@ -12,16 +12,16 @@ import numpy as np
 
 from estimators import directional
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
-from estimators.compiled import compiled
-from estimators.linear import condition_number, condition_numbers, lstsq
+from estimators.linear import condition_number, condition_numbers, factor, invert, lstsq, pack
 from estimators.ls import solve_windows
-from estimators.normal import normal_equations, solve_products
+from estimators.normal import solve
 from estimators.recursive import (
-    CHUNK,
+    chunks_of,
     discounted_meats,
     fed_samples,
     feed_products,
-    packed,
+    in_lanes,
+    weights,
 )
 from estimators.rolling import window_ends
 from estimators.sandwich import meat, recursive_deviations
@@ -136,11 +136,18 @@ def _discounted(
     first = slice(index[0] - window + 1, index[0] + 1)
     fed, seen = fed_samples(index, window)
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
-    past = packed(information(begin))
-    _feed(A, f, fed, seen, forgetting, past, begin.weight, theta, rms, condition)
-    theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
     gram: Floats = np.asarray(A[first].T @ A[first], np.float64)
+    theta[0], rms[0] = begin.theta, np.sqrt(begin.square / begin.weight)
     condition[0] = condition_number(gram)
+    past, weight = in_lanes(pack(information(begin))), np.array([begin.weight])
+    entries = (p + 1) * (p + 2) // 2
+    for of_chunk, of_rows, at_rows in chunks_of(seen):
+        sums = feed_products(A, f, fed[of_chunk], forgetting, past)
+        solved = solve(sums[:entries])
+        weight = weights(sums.shape[1], forgetting, float(weight[-1]))
+        theta[of_rows] = np.take(solved.theta, at_rows, axis=1).T
+        rms[of_rows] = np.sqrt(solved.rss[at_rows] / weight[at_rows])
+        condition[of_rows] = condition_numbers(np.take(sums, at_rows, axis=1), p + 1, p)
     correlation, variance = _autocorrelation(A, f, window, index)
     # P₀⁻¹ θ₀ is linear in the first window's force: what stands for A there
     R = np.diag(1.0 / np.diagonal(begin.P))
@@ -151,7 +158,7 @@ def _discounted(
 
 def _autocorrelation(A: Floats, f: Floats, window: int, index: Ints) -> tuple[Floats, float]:
     """Of windows fitted by themselves: what the recursion takes out of its own is not known."""
-    least, _, _, _ = solve_windows(A, f, window, index)
+    least = solve_windows(A, f, window, index).theta
     return pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
 
 
@@ -160,52 +167,6 @@ def information(state: RlsState) -> Floats:
     R = np.diag(1.0 / np.diagonal(state.P))
     h = R @ state.theta
     return np.block([[R, h[:, None]], [h[None, :], np.array([[state.square + state.theta @ h]])]])
-
-
-@compiled
-def _feed(
-    A: Floats,
-    f: Floats,
-    fed: Ints,
-    seen: Ints,
-    forgetting: float,
-    past: Floats,
-    weight: float,
-    theta: Floats,
-    rms: Floats,
-    condition: Floats,
-) -> None:
-    """θ, r.m.s. and condition from the second row on."""
-    p = A.shape[1]
-    z = np.empty((p + 1, CHUNK))
-    terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
-    rows_sums, rows_condition = np.empty((past.size, CHUNK)), np.empty(CHUNK)
-    normal = normal_equations(p, CHUNK)
-    row = 1
-    begin = 0
-    while begin < fed.size:
-        end = feed_products(A, f, fed, begin, forgetting, past, z, terms, sums)
-        count = end - begin
-        solve_products(sums, count, normal)
-        m = 0
-        done = begin
-        while row + m < seen.size and seen[row + m] <= end:
-            k = seen[row + m] - 1 - begin
-            for _ in range(seen[row + m] - done):
-                weight = forgetting * weight + 1.0
-            done = seen[row + m]
-            for c in range(p):
-                theta[row + m, c] = normal.x[c, k]
-            rms[row + m] = np.sqrt(normal.rss[k] / weight)
-            for lane in range(past.size):
-                rows_sums[lane, m] = sums[lane, k]
-            m += 1
-        for _ in range(end - done):
-            weight = forgetting * weight + 1.0
-        condition_numbers(rows_sums, p + 1, p, m, rows_condition)
-        condition[row : row + m] = rows_condition[:m]
-        row += m
-        begin = end
 
 
 def _deviations(
@@ -219,17 +180,18 @@ def _deviations(
     correlation: Floats,
 ) -> Floats:
     """Standard deviations (rows, p) for residuals of variance 1: diag R⁻¹ M R⁻¹, R = P⁻¹."""
-    rows, p = index.size, A.shape[1]
-    shape = (rows, p * (p + 1) // 2)
-    bread, meats, white = np.empty(shape), np.empty(shape), np.empty(shape)
     one, none, start = np.zeros(len(first), np.int64), np.ones(1), int(index[0])
-    for M, r in ((meats, correlation), (white, none)):
-        begin = meat(first, one, 0, 0, len(first) - 1, r)
-        discounted_meats(A, first, fed, seen, start, forgetting, forgetting**2, r, begin, M)
-    discounted_meats(A, first, fed, seen, start, forgetting, forgetting, none, R, bread)
-    out = np.empty((rows, p))
-    recursive_deviations(bread, meats, white, out)
-    return out
+    meats, white = (
+        discounted_meats(
+            A, first, fed, seen, start, forgetting, forgetting**2, r,
+            in_lanes(pack(meat(first, one, 0, 0, len(first) - 1, r))),
+        )
+        for r in (correlation, none)
+    )  # fmt: skip
+    bread = discounted_meats(
+        A, first, fed, seen, start, forgetting, forgetting, none, in_lanes(pack(R))
+    )
+    return recursive_deviations(bread, meats, white)
 
 
 def _along_samples(
@@ -239,7 +201,7 @@ def _along_samples(
     p = A.shape[1]
     first = slice(index[0] - window + 1, index[0] + 1)
     sums = (begin.square, begin.weight)
-    theta, rms, R, _ = directional.feed(A, f, window, index, forgetting, begin.theta, begin.P, sums)
+    theta, rms, P, _ = directional.feed(A, f, window, index, forgetting, begin.theta, begin.P, sums)
     correlation, variance = _autocorrelation(A, f, window, index)
     gram = A[first].T @ A[first]
     bread: Floats = np.asarray(np.linalg.pinv(gram), np.float64)
@@ -255,6 +217,8 @@ def _along_samples(
     none = np.zeros((1, p))
     white = directional.deviations(A, window, index, forgetting, begin.P, bread, none, np.ones(1))
     std = np.maximum(std, white) * np.sqrt(variance)
-    R[0] = gram
-    condition = np.array([condition_number(each) for each in R])
+    upper = np.triu_indices(p)
+    R = invert(*factor(np.ascontiguousarray(P[:, *upper].T), p, p))[upper]
+    condition = condition_numbers(R, p, p)
+    condition[0] = condition_number(gram)
     return Trace(index, theta, std, rms, condition, correlation)

@@ -32,14 +32,12 @@ class Workspace(NamedTuple):
         centre: (q,) what is subtracted from them.
         terms: (lanes, 2 window) what is summed: deviations, then their products, packed.
         moments: (lanes, window) their sums over the windows asked for.
-        products: (entries, window) sums of the products of the columns of [A f], packed.
     """
 
     z: Floats
     centre: Floats
     terms: Floats
     moments: Floats
-    products: Floats
 
 
 @compiled
@@ -58,7 +56,6 @@ def workspace(q: int, window: int) -> Workspace:
         np.empty(q),
         np.zeros((lanes, 2 * window)),
         np.empty((lanes, window)),
-        np.empty((entries, window)),
     )
 
 
@@ -123,15 +120,17 @@ def sample_products(z: Floats, count: int, products: Floats) -> None:
 
 
 @compiled
-def uncentred(moments: Floats, centre: Floats, window: int, m: int, products: Floats) -> None:
-    """Σ z_i z_j over m windows from their centred moments."""
+def uncentred(
+    moments: Floats, centre: Floats, window: int, row: int, end: int, out: Floats
+) -> None:
+    """Σ z_i z_j of windows row … end - 1, from their centred moments, into out (entries, rows)."""
     q = centre.size
     for i in range(q):
         for j in range(i, q):
-            total, central = products[at(i, j, q)], moments[q + at(i, j, q)]
+            total, central = out[at(i, j, q), row:end], moments[q + at(i, j, q)]
             x, y = moments[i], moments[j]
             left, right = centre[i], centre[j]
-            for k in range(m):
+            for k in range(end - row):
                 total[k] = central[k] + right * x[k] + left * (window * right + y[k])
 
 
@@ -146,13 +145,18 @@ def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
 
 
 @compiled
-def pair_of_blocks(window: int, index: Ints, row: int) -> tuple[int, int]:
-    """The first sample of the block that window `row` begins in, and the first row beyond it."""
-    first = (index[row] - window + 1) // window * window
-    end = row + 1
-    while end < index.size and index[end] < first + 2 * window - 1:
-        end += 1
-    return first, end
+def pairs_of_blocks(window: int, index: Ints) -> Ints:
+    """Where in index (rows,) the windows of each pair of blocks begin, (pairs + 1,)."""
+    begins = np.empty(index.size + 1, np.int64)
+    pairs = 0
+    beyond = -1
+    for row in range(index.size):
+        if index[row] >= beyond:
+            beyond = (index[row] - window + 1) // window * window + 2 * window - 1
+            begins[pairs] = row
+            pairs += 1
+    begins[pairs] = index.size
+    return begins[: pairs + 1]
 
 
 @compiled
@@ -166,34 +170,45 @@ def take(sums: Floats, index: Ints, row: int, end: int) -> None:
 
 
 @compiled
-def sum_windows(A: Floats, f: Floats, window: int, index: Ints, row: int, work: Workspace) -> int:
-    """Sum the windows that end at index[row] and after, as many as begin in the same block.
+def sum_pair(
+    A: Floats, f: Floats, window: int, index: Ints, row: int, end: int, work: Workspace
+) -> None:
+    """Moments of windows row … end - 1, which begin in one block, into `work`."""
+    p = A.shape[1]
+    start = index[row] - window + 1
+    samples = index[end - 1] + 1 - start
+    load_columns(A, start, samples, work.z)
+    work.z[p, :samples] = f[start : start + samples]
+    # what is left of the first block: its last sample is in every window
+    left = window - start % window
+    for c in range(p + 1):
+        work.centre[c] = work.z[c, left - 1]
+    centred_terms(work.z, work.centre, samples, work.terms)
+    suffix_sums(work.terms, left, work.moments)
+    add_prefix_sums(work.terms, left, window - left, samples - window + 1, work.moments)
+    take(work.moments, index, row, end)
+
+
+@compiled
+def sum_windows(A: Floats, f: Floats, window: int, index: Ints) -> Floats:
+    """Sum the products of the columns of [A f] over windows.
 
     Args:
         A: (n, p) regressor.
         f: (n,) force.
         window: samples in a window.
         index: (rows,) last samples of windows, ascending.
-        row: the first of them.
-        work: gets `z` from the first window's first sample on, `moments` and `products`.
 
     Returns:
-        The first row that begins in another block.
+        (entries, rows) packed.
     """
-    p = A.shape[1]
-    first, end = pair_of_blocks(window, index, row)
-    start = index[row] - window + 1
-    samples = index[end - 1] + 1 - start
-    span = samples - window + 1
-    load_columns(A, start, samples, work.z)
-    work.z[p, :samples] = f[start : start + samples]
-    # what is left of the first block: its last sample is in every window
-    left = first + window - start
-    for c in range(p + 1):
-        work.centre[c] = work.z[c, left - 1]
-    centred_terms(work.z, work.centre, samples, work.terms)
-    suffix_sums(work.terms, left, work.moments)
-    add_prefix_sums(work.terms, left, window - left, span, work.moments)
-    take(work.moments, index, row, end)
-    uncentred(work.moments, work.centre, window, end - row, work.products)
-    return end
+    q = A.shape[1] + 1
+    work = workspace(q, window)
+    out = np.empty((q * (q + 1) // 2, index.size))
+    pairs = pairs_of_blocks(window, index)
+    for number in range(pairs.size - 1):
+        row: int = pairs[number]
+        end: int = pairs[number + 1]
+        sum_pair(A, f, window, index, row, end, work)
+        uncentred(work.moments, work.centre, window, row, end, out)
+    return out

@@ -11,18 +11,19 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
-from estimators.linear import at, condition_numbers
-from estimators.normal import residual_squares, store
+from estimators.linear import condition_numbers, pack
+from estimators.normal import residual_squares
 from estimators.recursive import (
-    CHUNK,
+    chunks_of,
     discounted_meats,
     fed_samples,
     feed_products,
-    packed,
+    in_lanes,
+    weights,
 )
 from estimators.rolling import window_ends
 from estimators.sandwich import meat, recursive_deviations
-from estimators.tls import TlsOptions, roots, solve_scaled
+from estimators.tls import TlsOptions, solve_scaled
 from estimators.trace import Bools, Floats, Ints, Trace
 
 
@@ -56,7 +57,7 @@ def start(A: Floats, f: Floats, options: RtlsOptions | None = None) -> RtlsState
     scale = options.noise.scales(p)
     z = np.column_stack([A / scale, f])
     C: Floats = z.T @ z
-    return RtlsState(_theta(C, scale), C, float(f.size))
+    return RtlsState(_theta(C, options), C, float(f.size))
 
 
 def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = None) -> RtlsState:
@@ -65,74 +66,20 @@ def step(state: RtlsState, a: Floats, f: float, options: RtlsOptions | None = No
     scale = options.noise.scales(a.size)
     z = np.append(a / scale, f)
     C = options.forgetting * state.C + np.outer(z, z)
-    return RtlsState(_theta(C, scale), C, options.forgetting * state.weight + 1.0)
+    return RtlsState(_theta(C, options), C, options.forgetting * state.weight + 1.0)
+
+
+def _theta(C: Floats, options: RtlsOptions) -> Floats:
+    """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
+    units = np.append(options.noise.scales(len(C) - 1), 1.0)
+    products = pack(C * np.outer(units, units)).reshape(-1, 1)
+    return solve_scaled(products, options.noise)[0][:, 0]
 
 
 def unscaled(state: RtlsState, options: RtlsOptions) -> Floats:
     """The discounted Gram matrix (p+1, p+1) of [A f] in its own units."""
     units = np.append(options.noise.scales(len(state.theta)), 1.0)
     return state.C * np.outer(units, units)
-
-
-@compiled
-def _theta(C: Floats, scale: Floats) -> Floats:
-    """The estimate (p,) of one scaled Gram matrix, NaN where A without its noise is singular."""
-    p = scale.size
-    work = roots(p, 1)
-    solve_scaled(packed(C).reshape(-1, 1), np.ones(p), 1, work)
-    return work.normal.x[:, 0] / scale
-
-
-@compiled
-def _feed(
-    A: Floats,
-    f: Floats,
-    fed: Ints,
-    seen: Ints,
-    scale: Floats,
-    forgetting: float,
-    past: Floats,
-    weight: float,
-    theta: Floats,
-    rms: Floats,
-    condition: Floats,
-    grams: Floats,
-) -> None:
-    """θ, r.m.s., condition and the noise-free AᵀA (rows, entries) packed, at each row."""
-    p = A.shape[1]
-    z = np.empty((p + 1, CHUNK))
-    terms, sums = np.zeros((past.size, CHUNK)), np.empty((past.size, CHUNK))
-    at_rows, square = np.empty((past.size, CHUNK)), np.empty(CHUNK)
-    work = roots(p, CHUNK)
-    at_rows[:, 0] = past
-    square[0] = weight
-    m = 1
-    row = begin = 0
-    while True:
-        solve_scaled(at_rows, scale, m, work)
-        condition_numbers(at_rows, p + 1, p, m, condition[row : row + m])
-        weights = square[:m].copy()
-        residual_squares(at_rows, work.normal.x, m, square)
-        for k in range(m):
-            rms[row + k] = np.sqrt(square[k] / weights[k])
-        store(work.normal.x, work.shifted, row, m, theta, grams)
-        for i in range(p):
-            for j in range(i, p):
-                for k in range(m):
-                    grams[row + k, at(i, j, p)] *= scale[i] * scale[j]
-        row += m
-        if begin == fed.size:
-            break
-        end = feed_products(A, f, fed, begin, forgetting, past, z, terms, sums)
-        m = 0
-        for i in range(begin, end):
-            weight = forgetting * weight + 1.0
-            if seen[row + m] == i + 1:
-                for lane in range(past.size):
-                    at_rows[lane, m] = sums[lane, i - begin]
-                square[m] = weight
-                m += 1
-        begin = end
 
 
 def trace(
@@ -158,24 +105,37 @@ def trace(
         return Trace.empty(p)
     first = slice(index[0] - window + 1, index[0] + 1)
     begin = start(A[first], f[first], options)
-    rows, scale = index.size, options.noise.scales(p)
+    rows, decay = index.size, options.forgetting
     theta, rms, condition = np.empty((rows, p)), np.empty(rows), np.empty(rows)
-    entries = p * (p + 1) // 2
-    bread, meats, white = (np.empty((rows, entries)) for _ in range(3))
+    grams = np.empty((rows, p * (p + 1) // 2))
+
+    def keep(of_rows: slice, products: Floats, weight: Floats) -> None:
+        x, clean = solve_scaled(products, options.noise)
+        theta[of_rows], grams[of_rows] = x.T, clean.T
+        rms[of_rows] = np.sqrt(residual_squares(products, x) / weight)
+        condition[of_rows] = condition_numbers(products, p + 1, p)
+
+    past, weight = in_lanes(pack(unscaled(begin, options))), np.array([begin.weight])
+    entries = (p + 1) * (p + 2) // 2
+    keep(slice(0, 1), past[:entries].reshape(-1, 1), weight)
     fed, seen = fed_samples(index, window)
-    past = packed(unscaled(begin, options))
-    decay = options.forgetting
-    _feed(A, f, fed, seen, scale, decay, past, begin.weight, theta, rms, condition, bread)
+    for of_chunk, of_rows, at_rows in chunks_of(seen):
+        sums = feed_products(A, f, fed[of_chunk], decay, past)
+        weight = weights(sums.shape[1], decay, float(weight[-1]))
+        keep(of_rows, sums[:entries, at_rows], weight[at_rows])
     residual, owner = _residuals(A, f, theta, index, window)
     # the recursion's memory is long: its residuals carry no window's fit to correct for
     correlation, variance = pooled_autocorrelation(residual, owner, None)
-    for M, r in ((meats, correlation), (white, np.ones(1))):
-        one = np.zeros(window, np.int64)
-        of_first = meat(A[first], one, 0, 0, window - 1, r)
-        discounted_meats(A, A[first], fed, seen, int(index[0]), decay, decay**2, r, of_first, M)
-    std = np.empty((rows, p))
-    recursive_deviations(bread, meats, white, std)
-    return Trace(index, theta, std * np.sqrt(variance), rms, condition, correlation)
+    one = np.zeros(window, np.int64)
+    meats, white = (
+        discounted_meats(
+            A, A[first], fed, seen, int(index[0]), decay, decay**2, r,
+            in_lanes(pack(meat(A[first], one, 0, 0, window - 1, r))),
+        )
+        for r in (correlation, np.ones(1))
+    )  # fmt: skip
+    std = recursive_deviations(grams, meats, white) * np.sqrt(variance)
+    return Trace(index, theta, std, rms, condition, correlation)
 
 
 @compiled

@@ -9,21 +9,19 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
-from estimators.linear import at, factor, inverse_spd, invert
-from estimators.normal import normal_equations
+from estimators.linear import at, factor, invert, pack
+from estimators.normal import columns_of
 from estimators.rolling import (
     add_prefix_sums,
     lanes_of,
     load_columns,
-    pair_of_blocks,
+    pairs_of_blocks,
     suffix_sums,
     take,
 )
 from estimators.student import widening
+from estimators.threads import in_chunks
 from estimators.trace import Floats, Ints
-
-#: Rows of a recursive estimator that are worked on together.
-_ROWS = 512
 
 
 @compiled
@@ -55,12 +53,8 @@ def deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:
 
     Never smaller than the textbook's: a tapered correlation need not be positive definite.
     """
-    p = G.shape[0]
-    bread = inverse_spd(G).reshape(p, p, 1)
-    meats = B[np.triu_indices(p)].reshape(-1, 1)
-    out = np.empty((1, p))
-    _deviate(bread, meats, np.array([rss]), samples, 1, out)
-    return out[0]
+    meats = pack(B).reshape(-1, 1)
+    return _deviations(_breads(pack(G).reshape(1, -1)), meats, np.array([rss]), samples)[:, 0]
 
 
 def window_deviation(
@@ -99,21 +93,55 @@ def window_deviations(
         (rows, p) standard deviations.
     """
     out = np.empty((index.size, A.shape[1]))
-    _window_deviations(A, grams, rss, index, window, correlation, out)
+
+    def work(rows: slice) -> None:
+        meats = window_meats(A, window, index[rows], correlation)
+        out[rows] = _deviations(_breads(grams[rows]), meats, rss[rows], window).T
+
+    in_chunks(work, index.size)
     return out * widening(window, correlation)
 
 
+def _breads(grams: Floats) -> Floats:
+    """Inverses (p, p, m) of packed matrices (m, entries)."""
+    p = columns_of(grams.T)
+    return invert(*factor(np.ascontiguousarray(grams.T), p, p))
+
+
+def _deviations(bread: Floats, meats: Floats, rss: Floats, samples: float) -> Floats:
+    """Standard deviations (p, m) from inverses (p, p, m), packed meats (entries, m), RSS (m,)."""
+    p = len(bread)
+    freedom = samples - _traces(bread, meats)
+    freedom = np.where(freedom > 0.5, freedom, np.nan)
+    cover = rss / freedom * covers(bread, meats)
+    textbook = rss / max(samples - p, 1.0) * np.array([bread[i, i] for i in range(p)])
+    return np.sqrt(np.where(cover > textbook, cover, textbook + 0.0 * freedom))
+
+
+def _traces(bread: Floats, meats: Floats) -> Floats:
+    """tr(G⁻¹ M), (m,)."""
+    p = len(bread)
+    total = np.zeros(meats.shape[1])
+    for i in range(p):
+        for j in range(p):
+            total += bread[i, j] * meats[at(min(i, j), max(i, j), p)]
+    return total
+
+
+def covers(bread: Floats, meats: Floats) -> Floats:
+    """The diagonals (p, m) of G⁻¹ M G⁻¹, from inverses (p, p, m) and packed M (entries, m)."""
+    p = len(bread)
+    out = np.zeros((p, meats.shape[1]))
+    for i in range(p):
+        for r in range(p):
+            for c in range(p):
+                out[i] += bread[i, r] * bread[i, c] * meats[at(min(r, c), max(r, c), p)]
+    return out
+
+
 @compiled
-def _window_deviations(
-    A: Floats,
-    grams: Floats,
-    rss: Floats,
-    index: Ints,
-    window: int,
-    correlation: Floats,
-    out: Floats,
-) -> None:
-    """Aᵀ R A of each window at a cost that W does not enter, and the deviations that follow.
+def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Floats:
+    """Aᵀ R A of the windows that end at `index`, packed (entries, rows), for any length alike.
 
     The pairs of correlated samples inside a window are those inside its part of the first block,
     those inside its part of the second, and those across; the latter are counted with the longer
@@ -122,134 +150,70 @@ def _window_deviations(
     p = A.shape[1]
     entries = p * (p + 1) // 2
     lanes = lanes_of(entries)
-    z = np.zeros((p + 1, 2 * window))
+    z = np.zeros((p, 2 * window))
     near = np.zeros((p, 2 * window))
     terms = np.zeros((lanes, 2 * window))
-    meats = np.empty((lanes, window))
-    G = np.empty((entries, window))
-    normal = normal_equations(p, window)
-    bread = np.empty((p, p, window))
-    square = np.empty(window)
-    row = 0
-    while row < index.size:
-        first, end = pair_of_blocks(window, index, row)
+    sums = np.empty((lanes, window))
+    out = np.empty((entries, index.size))
+    pairs = pairs_of_blocks(window, index)
+    for number in range(pairs.size - 1):
+        row: int = pairs[number]
+        end: int = pairs[number + 1]
+        last = index[row] - (index[row] + 1) % window
         # the windows that have more of the first block, then those that have more of the second
         middle = row
-        while middle < end and index[middle] < first + window + window // 2:
+        while middle < end and index[middle] <= last + window // 2:
             middle += 1
         for begin, stop in ((row, middle), (middle, end)):
-            m = stop - begin
-            if m > 0:
-                _sum_pairs(A, window, index, first, begin, stop, correlation, z, near, terms, meats)
+            if stop > begin:
+                start = index[begin] - window + 1
+                samples = index[stop - 1] + 1 - start
+                left = last + 1 - start
+                load_columns(A, start, samples, z)
+                _neighbours(z, samples, left, 2 * left >= window, correlation, near)
+                for i in range(p):
+                    for j in range(i, p):
+                        term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
+                        for k in range(samples):
+                            term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
+                suffix_sums(terms, left, sums)
+                add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
+                take(sums, index, begin, stop)
                 for entry in range(entries):
-                    for k in range(m):
-                        G[entry, k] = grams[begin + k, entry]
-                for k in range(m):
-                    square[k] = rss[begin + k]
-                factor(G, p, p, m, normal.L, normal.inverse)
-                invert(normal.L, normal.inverse, m, bread)
-                _deviate(bread, meats, square, float(window), m, out[begin:stop])
-        row = end
+                    out[entry, begin:stop] = sums[entry, : stop - begin]
+    return out
 
 
 @compiled
-def _sum_pairs(
-    A: Floats,
-    window: int,
-    index: Ints,
-    first: int,
-    begin: int,
-    end: int,
-    correlation: Floats,
-    z: Floats,
-    near: Floats,
-    terms: Floats,
-    meats: Floats,
+def _neighbours(
+    z: Floats, samples: int, left: int, across_later: bool, correlation: Floats, near: Floats
 ) -> None:
-    """Aᵀ R A of the windows begin … end - 1, which all hold more of one of the two blocks."""
-    p = A.shape[1]
-    lags = correlation.size
-    start = index[begin] - window + 1
-    samples = index[end - 1] + 1 - start
-    span = samples - window + 1
-    left = first + window - start
-    long_first = 2 * left >= window
-    load_columns(A, start, samples, z)
-    # each sample's correlated neighbours, counted with the later one of a pair in the second
-    # block and with the earlier one in the first; across, with the one in the shorter part
-    for c in range(p):
+    """Of each sample, its correlated neighbours, so that each pair counts once.
+
+    Of a pair in the second block the later sample has it, in the first block the earlier one; of
+    a pair across, the later one if `across_later`.
+    """
+    for c in range(z.shape[0]):
         near[c, :samples] = 0.0
-        for lag in range(1, min(lags, samples)):
+        for lag in range(1, min(correlation.size, samples)):
             r = correlation[lag]
-            stop = left - lag if long_first else min(left, samples - lag)
+            stop = left - lag if across_later else min(left, samples - lag)
             total, x = near[c], z[c, lag:]
             for k in range(stop):
                 total[k] += r * x[k]
-            begins = left if long_first else left + lag
+            begins = left if across_later else left + lag
             total, x = near[c, begins:], z[c, begins - lag :]
             for k in range(samples - begins):
                 total[k] += r * x[k]
-    for i in range(p):
-        for j in range(i, p):
-            term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
-            for k in range(samples):
-                term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
-    suffix_sums(terms, left, meats)
-    add_prefix_sums(terms, left, window - left, span, meats)
-    take(meats, index, begin, end)
 
 
-@compiled
-def _deviate(
-    bread: Floats, meats: Floats, rss: Floats, samples: float, m: int, out: Floats
-) -> None:
-    """Standard deviations (m, p) from inverses (p, p, m), packed meats and RSS (m,)."""
-    p = bread.shape[0]
-    for k in range(m):
-        trace = 0.0
-        for i in range(p):
-            for j in range(p):
-                trace += meats[at(min(i, j), max(i, j), p), k] * bread[i, j, k]
-        freedom = samples - trace
-        for i in range(p):
-            cover = 0.0
-            for r in range(p):
-                for c in range(p):
-                    B = meats[at(min(r, c), max(r, c), p), k]
-                    cover += bread[i, r, k] * B * bread[i, c, k]
-            textbook = rss[k] / max(samples - p, 1.0)
-            variance = max(rss[k] / freedom * cover, textbook * bread[i, i, k])
-            out[k, i] = np.sqrt(variance) if freedom > 0.5 else np.nan
-
-
-@compiled
-def recursive_deviations(grams: Floats, meats: Floats, white: Floats, out: Floats) -> None:
+def recursive_deviations(grams: Floats, meats: Floats, white: Floats) -> Floats:
     """Roots of diag G⁻¹ M G⁻¹, (rows, p), for residuals of variance 1; never below `white`'s.
 
     Args:
         grams: (rows, entries) packed G.
         meats: (rows, entries) packed M; a tapered correlation need not leave it positive.
         white: (rows, entries) packed M of uncorrelated residuals.
-        out: (rows, p).
     """
-    rows, p = out.shape
-    G = np.empty((grams.shape[1], _ROWS))
-    normal = normal_equations(p, _ROWS)
-    bread = np.empty((p, p, _ROWS))
-    for begin in range(0, rows, _ROWS):
-        m = min(_ROWS, rows - begin)
-        for entry in range(G.shape[0]):
-            for k in range(m):
-                G[entry, k] = grams[begin + k, entry]
-        factor(G, p, p, m, normal.L, normal.inverse)
-        invert(normal.L, normal.inverse, m, bread)
-        for k in range(m):
-            for i in range(p):
-                cover = floor = 0.0
-                for r in range(p):
-                    for c in range(p):
-                        both = bread[i, r, k] * bread[i, c, k]
-                        entry = at(min(r, c), max(r, c), p)
-                        cover += both * meats[begin + k, entry]
-                        floor += both * white[begin + k, entry]
-                out[begin + k, i] = np.sqrt(max(cover, floor))
+    bread = _breads(grams)
+    return np.sqrt(np.maximum(covers(bread, meats.T), covers(bread, white.T))).T

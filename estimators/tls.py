@@ -7,27 +7,22 @@ singular (too little motion) there is none, and θ is NaN. From the Gram matrix:
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators import ls
 from estimators.compiled import compiled
-from estimators.linear import (
-    at,
-    condition_number,
-    condition_numbers,
-    factor,
-    solve_spd,
-    substitute,
-)
-from estimators.normal import Normal, normal_equations, residual_squares
-from estimators.rolling import sum_windows, window_ends, workspace
-from estimators.sandwich import window_deviation, window_deviations
+from estimators.linear import at, condition_number, factor, pack, solve_spd, substitute
+from estimators.normal import columns_of, gram, residual_squares
+from estimators.rolling import sum_windows, window_ends
+from estimators.sandwich import window_deviation
+from estimators.threads import in_chunks
 from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
-#: Newton settles in about five; halving a bracket to working precision takes fifty.
+#: Newton settles in three or four; halving a bracket to working precision takes fifty.
 _MOST_STEPS = 100
+#: A change of λ, over fᵀf, that is no more than rounding.
+_SETTLED = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,149 +68,93 @@ def fit(
     return Estimate(theta, std, rms, float(condition_number(A.T @ A)))
 
 
-class Roots(NamedTuple):
-    """Room to solve windows of p parameters in.
-
-    Attributes:
-        C: (entries, windows) packed Gram matrices of the scaled [A f].
-        shifted: (entries, windows) the same less λ on A's diagonal: free of noise.
-        lam: (windows,) smallest roots λ.
-        low, high: (windows,) brackets around them.
-        done: (windows,) whether they have settled.
-        normal: θ solves the shifted normal equations.
-    """
-
-    C: Floats
-    shifted: Floats
-    lam: Floats
-    low: Floats
-    high: Floats
-    done: Bools
-    normal: Normal
-
-
-@compiled
-def roots(p: int, windows: int) -> Roots:
-    """Room for that many windows."""
-    entries = (p + 1) * (p + 2) // 2
-    return Roots(
-        np.empty((entries, windows)),
-        np.empty((entries, windows)),
-        np.empty(windows),
-        np.empty(windows),
-        np.empty(windows),
-        np.empty(windows, np.bool_),
-        normal_equations(p, windows),
-    )
-
-
-@compiled
-def solve_scaled(products: Floats, scale: Floats, m: int, work: Roots) -> None:
-    """Total least squares of m windows from their packed products: θ into work.normal.x.
+def solve_scaled(products: Floats, options: TlsOptions) -> tuple[Floats, Floats]:
+    """Total least squares of m windows from their packed products (entries, m).
 
     The smallest root of φ comes by Newton (Rayleigh quotients) inside a shrinking bracket: φ falls
     and is concave up to the smallest eigenvalue of G, so a step may overshoot that, where G - λI is
     no longer positive definite: then the bracket is halved.
+
+    Returns:
+        (p, m) θ, NaN where A without its noise is singular, and AᵀA without that noise, packed
+        (p(p+1)/2, m).
     """
-    p = scale.size
-    for i in range(p + 1):
-        for j in range(i, p + 1):
-            entry, scaled = products[at(i, j, p + 1)], work.C[at(i, j, p + 1)]
-            unit = (scale[i] if i < p else 1.0) * (scale[j] if j < p else 1.0)
-            for k in range(m):
-                scaled[k] = entry[k] / unit
-    for entry in range(work.C.shape[0]):
-        work.shifted[entry, :m] = work.C[entry, :m]
-    lam, low, high, done, x = work.lam, work.low, work.high, work.done, work.normal.x
-    slope = work.normal.rss
-    ff = work.C[at(p, p, p + 1)]
-    lam[:m] = 0.0
-    low[:m] = 0.0
-    high[:m] = np.inf
-    done[:m] = False
+    q = columns_of(products)
+    p, m = q - 1, products.shape[1]
+    scale = np.append(options.scales(p), 1.0)
+    units = pack(np.outer(scale, scale))[:, None]
+    C = products / units
+    shifted = C.copy()
+    # λ and the bracket around it
+    roots = np.zeros((3, m))
+    roots[2] = np.inf
+    done = np.zeros(m, np.bool_)
+    x = _solve_shifted(C, shifted, roots[0])
     for _ in range(_MOST_STEPS):
-        _solve_shifted(m, work)
-        value = work.shifted[at(p, p, p + 1)]
-        for k in range(m):
-            value[k] = ff[k] - lam[k]
-            slope[k] = 1.0
-        for i in range(p):
-            h, solution = work.C[at(i, p, p + 1)], x[i]
-            for k in range(m):
-                value[k] -= h[k] * solution[k]
-                slope[k] += solution[k] * solution[k]
-        unsettled = 0
-        for k in range(m):
-            beyond = np.isnan(value[k])
-            above = value[k] > 0.0
-            down = lam[k] if above else low[k]
-            up = high[k] if above else lam[k]
-            following = lam[k] + value[k] / slope[k]
-            inside = following >= down and following <= up
-            following = 0.5 * (down + up) if beyond or not inside else following
-            settled = done[k] or abs(following - lam[k]) <= 1e-15 * ff[k] or np.isnan(following)
-            low[k] = down
-            high[k] = up
-            lam[k] = lam[k] if done[k] else following
-            done[k] = settled
-            unsettled += 0 if settled else 1
-        if unsettled == 0:
+        if _newton(C, x, roots, done):
             break
-    _solve_shifted(m, work)
-    for i in range(p):
-        solution = x[i]
-        for k in range(m):
-            solution[k] /= scale[i]
+        x = _solve_shifted(C, shifted, roots[0])
+    return x / scale[:p, None], gram(shifted * units)
+
+
+def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
+    """Solve (G - λI) x = h, x (p, m), with the λ (m,) so far; `shifted` gets G - λI."""
+    q = columns_of(C)
+    for i in range(q - 1):
+        shifted[at(i, i, q)] = C[at(i, i, q)] - lam
+    x = C[[at(i, q - 1, q) for i in range(q - 1)]]
+    substitute(*factor(shifted, q, q - 1), x)
+    return x
 
 
 @compiled
-def _solve_shifted(m: int, work: Roots) -> None:
-    """Solve (G - λI) x = h with the roots so far."""
-    p = work.normal.x.shape[0]
+def _newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
+    """One step of λ, low and high (3, m) where it is not `done` (m,); whether all are now.
+
+    A step that would be a rounding is not taken, so that x (p, m) is the solution for λ.
+    """
+    p, m = x.shape
+    lam, low, high = roots[0], roots[1], roots[2]
+    ff = C[at(p, p, p + 1)]
+    value = np.empty(m)
+    slope = np.ones(m)
+    for k in range(m):
+        value[k] = ff[k] - lam[k]
     for i in range(p):
-        diagonal, shifted = work.C[at(i, i, p + 1)], work.shifted[at(i, i, p + 1)]
+        h, solution = C[at(i, p, p + 1)], x[i]
         for k in range(m):
-            shifted[k] = diagonal[k] - work.lam[k]
-    factor(work.shifted, p + 1, p, m, work.normal.L, work.normal.inverse)
-    for i in range(p):
-        x, h = work.normal.x[i], work.shifted[at(i, p, p + 1)]
-        for k in range(m):
-            x[k] = h[k]
-    substitute(work.normal.L, work.normal.inverse, m, work.normal.x)
+            value[k] -= h[k] * solution[k]
+            slope[k] += solution[k] * solution[k]
+    unsettled = 0
+    for k in range(m):
+        above = value[k] > 0.0
+        down = lam[k] if above else low[k]
+        up = high[k] if above else lam[k]
+        following = lam[k] + value[k] / slope[k]
+        inside = following >= down and following <= up
+        following = following if inside else 0.5 * (down + up)
+        settled = done[k] or abs(following - lam[k]) <= _SETTLED * ff[k] or np.isnan(following)
+        low[k] = down
+        high[k] = up
+        lam[k] = lam[k] if settled else following
+        done[k] = settled
+        unsettled += 0 if settled else 1
+    return unsettled == 0
 
 
-@compiled
-def _solve_windows(
-    A: Floats,
-    f: Floats,
-    window: int,
-    index: Ints,
-    scale: Floats,
-    theta: Floats,
-    grams: Floats,
-    rss: Floats,
-    condition: Floats,
-) -> None:
-    """θ (rows, p), noise-free AᵀA (rows, entries) packed, RSS and condition (rows,)."""
-    p = A.shape[1]
-    work = workspace(p + 1, window)
-    solved = roots(p, window)
-    row = 0
-    while row < index.size:
-        end = sum_windows(A, f, window, index, row, work)
-        m = end - row
-        condition_numbers(work.products, p + 1, p, m, condition[row:end])
-        solve_scaled(work.products, scale, m, solved)
-        residual_squares(work.products, solved.normal.x, m, rss[row:end])
-        for i in range(p):
-            x = solved.normal.x[i]
-            for k in range(m):
-                theta[row + k, i] = x[k]
-            for j in range(i, p):
-                clean, unit = solved.shifted[at(i, j, p + 1)], scale[i] * scale[j]
-                for k in range(m):
-                    grams[row + k, at(i, j, p)] = clean[k] * unit
-        row = end
+def solve_windows(
+    A: Floats, f: Floats, window: int, index: Ints, options: TlsOptions
+) -> ls.Windows:
+    """Solve the windows that end at `index`."""
+    out = ls.Windows.empty(index.size, A.shape[1])
+
+    def work(rows: slice) -> None:
+        products = sum_windows(A, f, window, index[rows])
+        theta, clean = solve_scaled(products, options)
+        out.keep(rows, products, theta, clean, residual_squares(products, theta))
+
+    in_chunks(work, index.size)
+    return out
 
 
 def trace(
@@ -232,13 +171,6 @@ def trace(
     """
     options = options or TlsOptions()
     index = window_ends(accepted, window)
-    p = A.shape[1]
     if index.size == 0:
-        return Trace.empty(p)
-    rows = index.size
-    theta, grams = np.empty((rows, p)), np.empty((rows, p * (p + 1) // 2))
-    rss, condition = np.empty(rows), np.empty(rows)
-    _solve_windows(A, f, window, index, options.scales(p), theta, grams, rss, condition)
-    correlation, _ = pooled_autocorrelation(*window_residuals(A, f, theta, index, window), A)
-    std = window_deviations(A, grams, rss, index, window, correlation)
-    return Trace(index, theta, std, np.sqrt(rss / window), condition, correlation)
+        return Trace.empty(A.shape[1])
+    return ls.traced(A, f, window, index, solve_windows(A, f, window, index, options))

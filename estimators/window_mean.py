@@ -10,40 +10,35 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
-from estimators.linear import at, inverse_spd
+from estimators.linear import factor, invert
 from estimators.ls import solve_windows
 from estimators.sandwich import meat
 from estimators.trace import Floats, Ints
 
 
 @compiled
-def _weights(
-    A: Floats, grams: Floats, share: Floats, index: Ints, window: int
-) -> tuple[Floats, Ints]:
-    """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others."""
+def _weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Floats, Ints]:
+    """c_k (n, p), and 0 for the samples inside a window of index, -1 for the others.
+
+    Breads (p, p, rows) are the windows' ω G⁻¹.
+    """
     n, p = A.shape
-    steps = np.zeros((n + 1, p, p))
-    gram = np.empty((p, p))
-    for row in range(index.size):
-        for i in range(p):
-            for j in range(i, p):
-                gram[i, j] = gram[j, i] = grams[row, at(i, j, p)]
-        inverse = inverse_spd(gram) * share[row]
-        steps[index[row] - window + 1] += inverse
-        steps[index[row] + 1] -= inverse
     cover = np.zeros((p, p))
     weights = np.zeros((n, p))
     inside = np.full(n, -1, np.int64)
-    end = -1
-    row = 0
+    begun = ended = 0
     for k in range(n):
-        cover += steps[k]
-        while row < index.size and index[row] - window + 1 <= k:
-            end = index[row]
-            row += 1
-        if k <= end:
+        while begun < index.size and index[begun] - window + 1 <= k:
+            cover += breads[:, :, begun]
+            begun += 1
+        while ended < begun and index[ended] < k:
+            cover -= breads[:, :, ended]
+            ended += 1
+        if begun > ended:
             inside[k] = 0
-            weights[k] = cover @ A[k]
+            for i in range(p):
+                for j in range(p):
+                    weights[k, i] += cover[i, j] * A[k, j]
         else:
             # outside every window the cover is zero: drop what rounding has left
             cover[:] = 0.0
@@ -80,12 +75,15 @@ def mean_estimate(
     if not solved.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     index, theta, std = index[solved], theta[solved], std[solved]
-    least, grams, _, _ = solve_windows(A, f, window, index)
+    least = solve_windows(A, f, window, index)
+    grams = np.ascontiguousarray(least.grams.T)
     known = np.maximum(std[:, 0], np.finfo(float).tiny ** 0.25)
     share = known**-2.0 / (known**-2.0).sum()
-    weights, inside = _weights(A, grams, share, index, window)
+    breads = invert(*factor(grams, A.shape[1], A.shape[1])) * share
+    weights, inside = _weights(A, breads, index, window)
     # the residuals' own correlation, which a window where TLS is wild would hide
-    correlation, variance = pooled_autocorrelation(*window_residuals(A, f, least, index, window), A)
+    residual, owner = window_residuals(A, f, least.theta, index, window)
+    correlation, variance = pooled_autocorrelation(residual, owner, A)
     cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
     white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
     deviation = np.sqrt(np.maximum(np.diag(cover), np.diag(white)) * variance)

@@ -126,6 +126,13 @@ def test_the_papers_window_accepts_and_pools_as_in_replay(two_starts):
     assert len(found["pooled"]) == 2
 
 
+def test_a_log_that_ends_in_braking_pools_nothing_that_braking_may_claim(two_starts):
+    settings = Settings(methods=EVERY, window_samples=60)
+    braking = np.flatnonzero((two_starts["phase"] == "braking").fill_null(False).to_numpy())
+    _, found = assert_as_in_replay(two_starts[: int(braking[0]) + 3], settings)
+    assert found["pooled"][-1][0] == braking[0] - 20
+
+
 def test_with_a_coulomb_column(drive, excitation_of, machine):
     trip = ("standstill", "start", "brake", "standstill", "start")
     coulomb = machine({"coulomb": True, "methods": EVERY, "window_samples": 200})

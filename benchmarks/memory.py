@@ -1,0 +1,122 @@
+"""Memory of a twelve-hour shift: the gate, every estimator, and the recording, in one process.
+
+    python benchmarks/memory.py [--hours 12] [--every-window] [--keep FOLDER]
+
+A campaign of starts, simulated at 100 Hz and laid end to end with a pause after each log, goes
+through the pipeline from `forces` on. Prints the peak of the resident memory after each stage.
+With `--every-window` the gate's threshold is lowered until nearly every window is accepted, which
+no real shift comes near: estimates are sparse, and this says what that saves.
+"""
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import polars as pl
+import typer
+
+from analysis.forces import forces
+from analysis.gate import gate
+from analysis.machine import Machine
+from analysis.masses import masses
+from analysis.run import Provenance, Run
+from analysis.segments import segments
+from analysis.simulation import Scenario
+from analysis.smooth import smooth
+from analysis.trace import trace
+from analysis.verdict import verdict
+from recordings import write_recording
+from replay import load_machine, open_log, run
+from replay.simulate import simulate
+
+METHODS = ("ls", "rls", "fgls", "tls", "rtls", "huber", "pooled")
+GIB = 2**20  # in the kibibytes of getrusage
+
+
+def aligned_shift(machine: Machine, hours: float) -> pl.DataFrame:
+    """One simulated campaign log over and over, at one rate, until the hours are full."""
+    base = Scenario()
+    short = base.model_copy(
+        update={"campaign": base.campaign.model_copy(update={"loads_kg": (0.0,)})}
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        (log,) = simulate(short, Path(folder) / "campaign.bag")
+        once = run(open_log(log), machine).frames["aligned"]
+    rows = round(hours * 3600 * machine.settings.rate_hz)
+    shift = pl.concat([once] * -(-rows // once.height))[:rows]
+    step_ns = round(1e9 / machine.settings.rate_hz)
+    return shift.with_columns(t_ns=pl.int_range(rows, dtype=pl.Int64) * step_ns)
+
+
+def worker(hours: float, folder: Path, *, every_window: bool) -> None:
+    """All stages, in the order of the pipeline, with the peak after each."""
+    chosen = [f"settings.methods={list(METHODS)}".replace("'", '"')]
+    if every_window:
+        chosen += ["settings.threshold_nat=-1", "settings.exclude_braking=false"]
+    machine = load_machine("cat262c.toml", chosen)
+    settings = machine.settings
+    began = time.perf_counter()
+
+    def peak(stage: str) -> None:
+        used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / GIB
+        print(f"| {stage} | {used:.2f} | {time.perf_counter() - began:.1f} |", flush=True)
+
+    print("| stage | peak GiB so far | s so far |\n|---|---|---|")
+    peak("imports")
+    aligned = aligned_shift(machine, hours)
+    peak(f"aligned, {aligned.height:,} rows")
+    excitation = forces(smooth(aligned, settings), machine)
+    peak("excitation")
+    gated = gate(excitation, settings)
+    accepted = int(gated["accepted_x"].sum())
+    peak(f"gate, {accepted / excitation.height:.0%} of the windows accepted")
+    estimates = trace(excitation, gated, settings)
+    peak(f"trace, {len(METHODS)} methods")
+    table = segments(excitation, gated, settings)
+    judged = verdict(excitation, gated, machine)
+    totals = masses(excitation, gated, estimates, machine, weighs=True)
+    peak("segments, verdict, masses")
+    frames = {
+        "aligned": aligned,
+        "excitation": excitation,
+        "gate": gated,
+        **{f"estimates/{method}": frame for method, frame in estimates.items()},
+        "segments": table,
+        "masses": totals,
+        "verdict": judged,
+    }
+    sizes = {name: frame.estimated_size("mb") for name, frame in frames.items()}
+    written = write_recording(
+        Run(frames, Provenance(settings=settings.model_dump(mode="json"))), folder / "shift.rrd"
+    )
+    peak(f"recording, {written.stat().st_size / 1e6:.0f} MB, read back")
+    largest = sorted(sizes.items(), key=lambda item: -item[1])[:4]
+    print("\nLargest frames: " + ", ".join(f"{name} {size:.0f} MB" for name, size in largest))
+    assert np.isfinite(totals["mass_kg"].to_numpy()).all()
+
+
+def main(
+    hours: float = 12.0,
+    every_window: bool = False,
+    keep: Path | None = None,
+    here: Annotated[bool, typer.Option(hidden=True)] = False,
+) -> None:
+    if here:
+        assert keep is not None
+        worker(hours, keep, every_window=every_window)
+        return
+    # in a process of its own, whose peak is nobody else's
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, __file__, "--here", "--hours", str(hours)]
+        command += ["--keep", str(keep or folder)]
+        command += ["--every-window"] if every_window else []
+        raise typer.Exit(subprocess.run(command, check=False).returncode)
+
+
+if __name__ == "__main__":
+    typer.run(main)
