@@ -177,7 +177,7 @@ def predict(
         filters: of every channel.
         truth: (n + margin,) the noise-free channels of the window.
         body: the machine.
-        noise: of one sample of each channel.
+        noise: of one sample of each channel; the force has some.
 
     Returns:
         By name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
@@ -201,7 +201,7 @@ def predict(
             shares = _variance(filters, both, phi, full, noise)
             predictions[name] = Prediction(
                 value=value,
-                variance_per_force=shares[0] / max(float(noise.force_x_N), 1e-300) ** 2,
+                variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
                 variance_rest=shares[1],
                 bias=float(gradient[columns] @ bias),
                 force_N=float(noise.force_x_N),
