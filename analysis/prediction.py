@@ -128,7 +128,7 @@ def window_system(
 
 
 def _weights(stage: Stage, noise: Measured) -> Floats:
-    """(rows,) the reciprocal noise of force and torque; with none of it, of their ratio."""
+    """(rows,) the reciprocal noise of force and torque; 1 where there is none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[stage]]
 

@@ -5,6 +5,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.gate import accepted_samples
+from analysis.phases import TURNS
 from analysis.regressor import Axis, X, Z, axes, pooled_options, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
@@ -14,7 +15,6 @@ Ints = NDArray[np.int64]
 
 #: A straight manoeuvre is named after the first of these that it contains.
 _TELLING = ("accelerating", "braking", "cruising", "standstill")
-_TURNS = ("spinning", "arc", "turning")
 
 
 def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
@@ -25,7 +25,7 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     or of turning is one each.
     """
     phase = excitation["phase"]
-    alone = (*_TURNS, *(("braking",) if settings.exclude_braking else ()))
+    alone = (*TURNS, *(("braking",) if settings.exclude_braking else ()))
     known = phase.is_not_null().to_numpy()
     kind = (
         phase.cast(pl.String).replace_strict(
@@ -53,7 +53,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         gated: which windows are accepted.
         settings: window, what is refused.
     """
-    turns = _TURNS if Z not in axes(excitation) else ("arc", "turning")
+    turns = TURNS if Z not in axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.exclude_braking:
         refused_for["braking"] = "braking"
