@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from analysis.phases import TURNS
 from analysis.regressor import YAW_COLUMNS
 from analysis.run import Run
 from analysis.settings import Settings
@@ -84,7 +85,7 @@ def why_nothing_was_accepted(
     whole = phase.is_not_null()
     stretches = [
         ("a gap", whole),
-        ("a gap or a turn", whole & ~phase.is_in(["spinning", "arc", "turning"])),
+        ("a gap or a turn", whole & ~phase.is_in(TURNS)),
     ]
     if settings.exclude_braking:
         stretches.append(("braking", whole & (phase != "braking")))

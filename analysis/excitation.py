@@ -177,9 +177,14 @@ def design(
         yard_m: how far from its start the machine may get.
 
     Raises:
-        DataError: a window outside T to T_f, or an axis that has no response time.
+        DataError: a window outside T to T_f, an axis that has no response time, or a force without
+            noise.
     """
     load_kg = scenario.campaign.loads_kg[0]
+    if scenario.sensors.force_noise_N == 0.0:
+        raise DataError(
+            "sensors.force_noise_N: without noise there is no signal-to-noise ratio; give it"
+        )
     response_s = {axis: response_time_s(scenario, load_kg, axis) for axis in _AXES[stage]}
     slowest_s = max(response_s.values())
     window_s = 2.0 * slowest_s if window_s is None else window_s

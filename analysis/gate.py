@@ -5,7 +5,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.constants import g as standard_gravity
 
-from analysis.phases import beside_speed_rate, span_rows, yaw_pace
+from analysis.phases import TURNS, beside_speed_rate, span_rows, yaw_pace
 from analysis.regressor import Axis, X, axes, regressor
 from analysis.schema import REASON, build, values
 from analysis.settings import Settings
@@ -15,7 +15,6 @@ from estimators import information, ls, neighbours
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_TURNS = ("spinning", "arc", "turning")
 #: What a window of the z axis may hold: in place the machine spins or stands.
 _IN_PLACE = ("spinning", "standstill")
 
@@ -110,7 +109,7 @@ def _refusals(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> dict[
         clipped = _saturated(values(excitation, "force_x_N"), settings.saturation_force_N)
         return {
             "saturated": windows_with(clipped, window),
-            "turning": windows_with(phase.is_in(_TURNS).fill_null(False).to_numpy(), window),
+            "turning": windows_with(phase.is_in(TURNS).fill_null(False).to_numpy(), window),
             "braking": braking,
             "standstill": stands,
             "slip": windows_with(_slipping(excitation, settings), window),

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 from scipy.constants import g as standard_gravity
 
-from analysis.phases import beside_speed_rate, span_rows
+from analysis.phases import TURNS, beside_speed_rate, span_rows
 from analysis.settings import Settings
 from estimators import neighbours
 from estimators.information import information_index
 from estimators.online import Promise, WindowState, promise
 
-_TURNS = ("spinning", "arc", "turning")
 _NEVER = -(10**18)
 
 
@@ -149,14 +148,14 @@ def _remember(
         "gap": missing,
         # a mean of clipped samples is the limit but for rounding
         "saturated": limit is not None and bool(abs(sample[-1]) >= limit * (1.0 - 1e-9)),
-        "turning": phase in _TURNS,
+        "turning": phase in TURNS,
         "braking": settings.exclude_braking and phase == "braking",
         "moving": phase != "standstill",
         "slip": _slips(row, accelerations, settings),
     }
     kind = None
     if known:
-        kind = phase if phase in _TURNS or flags["braking"] else ""
+        kind = phase if phase in TURNS or flags["braking"] else ""
     return replace(
         before,
         row=k,

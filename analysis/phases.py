@@ -3,6 +3,8 @@
 A slope of 5° alone puts 0.85 m/s² on the accelerometer, so it cannot tell braking from standing.
 """
 
+from typing import Final
+
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
@@ -13,6 +15,9 @@ from analysis.smooth import trailing_mean
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+#: The phases in which the machine turns: straight motion has none of them.
+TURNS: Final = ("spinning", "arc", "turning")
 
 
 def speed_rate(speed: Floats, settings: Settings) -> Floats:

@@ -7,7 +7,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.gate import braking_within_sight
-from analysis.phases import pace, yaw_pace
+from analysis.phases import TURNS, pace, yaw_pace
 from analysis.regressor import Z, axes
 from analysis.schema import values
 from analysis.settings import Settings
@@ -15,8 +15,6 @@ from estimators import planar
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-_TURNS = ("spinning", "arc", "turning")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +78,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     f = np.column_stack([values(excitation, "force_x_N"), torque])
     known = motion.known() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
-    turning = phase.is_in(_TURNS).fill_null(False).to_numpy()
+    turning = phase.is_in(TURNS).fill_null(False).to_numpy()
     rate = values(excitation, "speed_rate_x_m_s2")
     along = pace(speed, rate, settings.steady_acc_m_s2, settings)
     # the yaw rate of straight driving is not steered

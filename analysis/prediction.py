@@ -128,7 +128,7 @@ def window_system(
 
 
 def _weights(stage: Stage, noise: Measured) -> Floats:
-    """(rows,) the reciprocal noise of force and torque; with none of it, of their ratio."""
+    """(rows,) the reciprocal noise of force and torque; 1 where there is none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
     return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[stage]]
 
@@ -177,7 +177,7 @@ def predict(
         filters: of every channel.
         truth: (n + margin,) the noise-free channels of the window.
         body: the machine.
-        noise: of one sample of each channel.
+        noise: of one sample of each channel; the force has some.
 
     Returns:
         By name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
@@ -201,7 +201,7 @@ def predict(
             shares = _variance(filters, both, phi, full, noise)
             predictions[name] = Prediction(
                 value=value,
-                variance_per_force=shares[0] / max(float(noise.force_x_N), 1e-300) ** 2,
+                variance_per_force=shares[0] / float(noise.force_x_N) ** 2,
                 variance_rest=shares[1],
                 bias=float(gradient[columns] @ bias),
                 force_N=float(noise.force_x_N),

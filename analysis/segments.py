@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from analysis.column_noise import column_noise
 from analysis.gate import accepted_samples
+from analysis.phases import TURNS
 from analysis.regressor import Axis, X, Z, axes, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
@@ -15,7 +16,6 @@ Ints = NDArray[np.int64]
 
 #: A straight manoeuvre is named after the first of these that it contains.
 _TELLING = ("accelerating", "braking", "cruising", "standstill")
-_TURNS = ("spinning", "arc", "turning")
 
 
 def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
@@ -26,7 +26,7 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     or of turning is one each.
     """
     phase = excitation["phase"]
-    alone = (*_TURNS, *(("braking",) if settings.exclude_braking else ()))
+    alone = (*TURNS, *(("braking",) if settings.exclude_braking else ()))
     known = phase.is_not_null().to_numpy()
     kinds = np.array([1 + alone.index(name) if name in alone else 0 for name in PHASE.categories])
     kind = kinds.astype(np.int8)[phase.cast(PHASE).to_physical().fill_null(0).to_numpy()]
@@ -51,7 +51,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         gated: which windows are accepted.
         settings: window, what is refused.
     """
-    turns = _TURNS if Z not in axes(excitation) else ("arc", "turning")
+    turns = TURNS if Z not in axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
     if settings.exclude_braking:
         refused_for["braking"] = "braking"

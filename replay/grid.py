@@ -1,7 +1,7 @@
 """What `--over KEY=…` asks for: the values of a setting, and every combination of several."""
 
 from collections.abc import Sequence
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from itertools import product
 
 from estimators.errors import MachineError
@@ -52,7 +52,7 @@ def _range(over: str, text: str) -> list[str]:
     try:
         first, last, step = (Decimal(part.strip()) for part in text.split(":"))
         steps = (last - first) / step
-    except (InvalidOperation, ValueError, ZeroDivisionError):
+    except (ArithmeticError, ValueError):
         raise MachineError(f"--over {over}: {_HOW}") from None
     if not steps.is_finite() or steps < 0:
         raise MachineError(f"--over {over}: no step of {step} leads from {first} to {last}")

@@ -20,16 +20,6 @@ _IN_TOML = {
 _Model = TypeVar("_Model", bound=BaseModel)
 
 
-def read_model(path: Path, model: type[_Model], error: type[PayscopeError]) -> _Model:
-    """Read a TOML file as `model`.
-
-    Raises:
-        PayscopeError: as `error`: the file cannot be read, is no TOML, has an unknown key (with
-            the nearest known one) or a value that does not fit.
-    """
-    return validate(path, read_toml(path, error), model, error)
-
-
 def read_toml(path: Path, error: type[PayscopeError]) -> dict[str, Any]:
     """The content of a TOML file; `error` in one line where there is none."""
     try:
@@ -46,7 +36,7 @@ def read_value(text: str) -> Any:
     """A value as TOML writes it; a bare word is text."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except ValueError:  # a TOMLDecodeError, or a number of thousands of digits
         return text.strip()
 
 
@@ -72,7 +62,12 @@ def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]
 def validate(
     path: Path, values: Mapping[str, Any], model: type[_Model], error: type[PayscopeError]
 ) -> _Model:
-    """The content of the file at `path` as `model`; `error` in one line where it does not fit."""
+    """The content of the file at `path` as `model`.
+
+    Raises:
+        PayscopeError: as `error`, in one line: an unknown key (with the nearest known one), or a
+            value that does not fit.
+    """
     try:
         return model.model_validate(values)
     except ValidationError as fault:

@@ -8,7 +8,7 @@ import polars as pl
 from analysis.gate import gate
 from analysis.reproduction import paper
 from analysis.reproduction.campaign import Campaign, accepting
-from analysis.reproduction.item import NAMES, Item, listed, percent
+from analysis.reproduction.item import NAMES, NO_NUMBERS, Item, listed, percent
 from analysis.schema import values
 from analysis.settings import Settings
 from estimators import fgls, ls, planar, rls, tls
@@ -21,7 +21,6 @@ _SHOWN_S: Final = 60.0
 _STANDING_S: Final = 4.0
 _EARLY_S: Final = 10.0
 _NO_GATE: Final = "Every complete window is used: the paper does not say that it gates here."
-_NO_NUMBERS: Final = "The paper prints no numbers with this figure."
 
 
 def fig_2_item(campaign: Campaign) -> Item:
@@ -46,7 +45,7 @@ def fig_2_item(campaign: Campaign) -> Item:
             "twice.",
             "The triangle as printed, (A/T)|t mod T - T/2| + f0, is highest at t = 0 and ranges "
             "over A/2, not A.",
-            _NO_NUMBERS,
+            NO_NUMBERS,
         ),
     )
 
@@ -80,7 +79,7 @@ def fig_3_item(campaign: Campaign) -> Item:
         (
             _within(series, "mass_kg", "true_mass_kg", "kg"),
             _converging(series, settings),
-            _NO_NUMBERS,
+            NO_NUMBERS,
         ),
     )
 
@@ -122,7 +121,7 @@ def fig_4_item(campaign: Campaign) -> Item:
         (
             _within(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2", "kg·m²"),
             _attenuated(series),
-            _NO_NUMBERS,
+            NO_NUMBERS,
         ),
     )
 

@@ -8,9 +8,8 @@ from analysis.calibrate import calibrate, run_errors
 from analysis.reproduction import paper
 from analysis.reproduction.campaign import Campaign
 from analysis.reproduction.intervals import mean_intervals
-from analysis.reproduction.item import NAMES, Item, listed
+from analysis.reproduction.item import NAMES, NO_NUMBERS, Item, listed
 
-_NO_NUMBERS: Final = "The paper prints no numbers with this figure."
 #: Before a run's start and after its end, so that the picture shows the gate open and close.
 _MARGIN_S: Final = 0.5
 
@@ -46,7 +45,7 @@ def fig_5_item(campaign: Campaign) -> Item:
             f"The index reaches {told}. The paper, too, sees it large while decelerating; but "
             "braking takes another hydraulic path than the torque sensors see, so a window that "
             "contains braking is refused whatever its index.",
-            _NO_NUMBERS,
+            NO_NUMBERS,
         ),
     )
 
@@ -104,7 +103,7 @@ def fig_6_item(loads: pl.DataFrame) -> Item:
             f"any calibration. Table 2 implies raw LS masses from {first[0]:,.0f} to "
             f"{last[0]:,.0f} kg for a machine of 3614 to 3864 kg: the paper's torque "
             "chain, not its estimators, is what its calibration corrects.",
-            _NO_NUMBERS,
+            NO_NUMBERS,
         ),
     )
 
@@ -126,7 +125,7 @@ def fig_7_item(loads: pl.DataFrame) -> Item:
         "Figure 7: masses after calibration by (19)",
         ("Means of nine runs over the campaigns, ± the standard deviation of one run.",),
         table,
-        (f"One run's calibrated mass scatters by {runs}.", _NO_NUMBERS),
+        (f"One run's calibrated mass scatters by {runs}.", NO_NUMBERS),
     )
 
 
@@ -150,6 +149,6 @@ def fig_8_item(loads: pl.DataFrame) -> Item:
             "Leaving a load out of the fit costs most at the ends of the range: "
             f"{ends['ratio'].mean():.2f} times the in-sample error at 0 and 250 kg, "
             f"{middle['ratio'].mean():.2f} times between.",
-            _NO_NUMBERS,
+            NO_NUMBERS,
         ),
     )

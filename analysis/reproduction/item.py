@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import polars as pl
 
@@ -14,6 +15,10 @@ NAMES = {
     "tls_raw": "TLS on raw units",
     "pooled": "pooled LS",
 }
+
+
+#: What is said of a figure that comes without numbers.
+NO_NUMBERS: Final = "The paper prints no numbers with this figure."
 
 
 @dataclass(frozen=True, eq=False)

@@ -202,11 +202,11 @@ def _memory(table: pl.DataFrame) -> list[str]:
 
 
 def _constant(table: pl.DataFrame) -> list[str]:
-    constant_kg = (sum((50.0 * k - 125.0) ** 2 for k in range(6)) / 6.0) ** 0.5
     best = table["run_left_out_kg"].min()
     assert isinstance(best, float)
     return [
-        f"For scale: a prediction that ignores every measurement is wrong by {constant_kg:.0f} kg "
-        f"({percent(constant_kg / paper.MASS_KG, 1)} of the machine); our best {best:.1f} kg is "
+        "For scale: a prediction that ignores every measurement is wrong by "
+        f"{paper.CONSTANT_KG:.0f} kg ({percent(paper.CONSTANT_KG / paper.MASS_KG, 1)} of the "
+        f"machine); our best {best:.1f} kg is "
         f"{percent(best / paper.LOAD_RANGE_KG, 1)} of the payload range."
     ]

@@ -1,6 +1,7 @@
 """The rows of a sweep as tables, CSV, JSON or Parquet."""
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 from typing import Any, Final
@@ -72,10 +73,11 @@ def _nested(row: Row) -> dict[str, Any]:
 
 
 def _frame(rows: Sequence[Row]) -> pl.DataFrame:
-    """A row a combination, a column a method and quantity."""
+    """A row a combination, a column a method and quantity; what was varied is a number or text."""
+    names = _names(rows[0].over)
     flat = [
         {
-            **{_name(key): value for key, value in _typed(row).items()},
+            **{names[key]: _flat(value, row.over[key]) for key, value in _typed(row).items()},
             **{
                 f"{method}_{name}": value
                 for name in ("mass_kg", "mass_std_kg", *row.errors)
@@ -109,7 +111,7 @@ def _table(
 ) -> Table:
     """A row a combination: what was varied, a cell a method, and more columns."""
     methods = list(dict.fromkeys(method for row in rows for method in row.answer["mass_kg"]))
-    table = plain_table(*map(_name, rows[0].over), *methods, *more)
+    table = plain_table(*_names(rows[0].over).values(), *methods, *more)
     if more:
         # the last is words
         table.columns[-1].justify = "left"
@@ -142,9 +144,16 @@ def _typed(row: Row) -> dict[str, Any]:
     return {key: read_value(text) for key, text in row.over.items()}
 
 
-def _name(key: str) -> str:
-    """A dotted key by its last part."""
-    return key.rpartition(".")[2]
+def _flat(value: Any, written: str) -> Any:
+    """A value for a column that a file may hold: a list or table as it was written."""
+    return written if isinstance(value, list | dict) else value
+
+
+def _names(keys: Iterable[str]) -> dict[str, str]:
+    """What a table calls each dotted key: its last part, or all of it where two share that."""
+    last = {key: key.rpartition(".")[2] for key in keys}
+    shared = Counter(last.values())
+    return {key: name if shared[name] == 1 else key for key, name in last.items()}
 
 
 def _text(shown: RenderableType) -> str:

@@ -36,10 +36,10 @@ class Connection:
     topic: str
     #: ROS 2 spelling (`sensor_msgs/msg/Imu`), also for ROS 1.
     type: str
-    #: of the messages: `ros1`, `cdr`, or another that has no decoder here
+    #: of the messages: `ros1`, `cdr`, `json`, `protobuf`, or another that has no decoder here
     encoding: str
     definition: str
-    #: `ros1msg`, `ros2msg`, `ros2idl`, or empty where the file carries no definition
+    #: `ros1msg`, `ros2msg`, `ros2idl`, `jsonschema`, `protobuf`, or empty where there is none
     definition_format: str
 
 

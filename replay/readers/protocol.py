@@ -31,8 +31,8 @@ class Log(Protocol):
         (String), messages (Int64), start_ns, end_ns (Int64 log times, null when empty), rate_hz
         (Float64 mean rate, null below two messages), longest_gap_s (Float64, likewise), fields
         (List[String], dotted leaves; a list shows as `effort[]`), problem (String: why it cannot
-        be decoded, else null), decoder (String: columnar, or rosbags for a type that is read
-        message by message, some fifty times slower; null where there is a problem).
+        be decoded, else null), decoder (String: columnar, or rosbags, json, protobuf for a type
+        that is read message by message, some fifty times slower; null where there is a problem).
         """
         ...
 

@@ -79,6 +79,12 @@ def test_a_wrong_scenario_is_refused_in_one_line_that_names_the_key(tmp_path, te
     assert says in refusal(tmp_path, text)
 
 
+def test_a_number_of_thousands_of_digits_on_the_command_line_is_refused_in_one_line():
+    with pytest.raises(ScenarioError, match=r"sensors.seed: unable to parse") as raised:
+        load_scenario(None, [f"sensors.seed={'9' * 5000}"])
+    assert "\n" not in str(raised.value)
+
+
 def test_what_is_no_text_file_is_refused(tmp_path):
     binary = tmp_path / "campaign.toml"
     binary.write_bytes(b"\xff\xfe\x00")

@@ -97,6 +97,26 @@ def test_the_suffix_says_the_format_and_nothing_is_overwritten(
     one_line(payscope(*words, log, "--force"), "is the input itself")
 
 
+def test_keys_that_end_alike_and_lists_have_their_columns_in_a_file(
+    payscope: Payscope, log: Path, machine_file: Path
+) -> None:
+    over = (
+        "channels.force_x_N.scale=1.0,2.0",
+        "channels.speed_x_m_s.scale=1.0",
+        "settings.methods=['ls'],['ls', 'rls']",
+    )
+    words = (word for each in over for word in ("--over", each))
+    said = payscope("sweep", log, "-m", machine_file, *words, "--format", "csv")
+    rows = list(csv.DictReader(StringIO(said.out)))
+    varied = ("channels.force_x_N.scale", "channels.speed_x_m_s.scale", "methods")
+    assert [tuple(row[name] for name in varied) for row in rows] == [
+        ("1.0", "1.0", "['ls']"),
+        ("1.0", "1.0", "['ls', 'rls']"),
+        ("2.0", "1.0", "['ls']"),
+        ("2.0", "1.0", "['ls', 'rls']"),
+    ]
+
+
 class TestWrongInput:
     def test_unknown_key_names_the_nearest(
         self, payscope: Payscope, log: Path, machine_file: Path
