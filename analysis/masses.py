@@ -6,20 +6,20 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.column_noise import column_noise, systematic
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
 from analysis.regressor import (
     Axis,
     X,
     axes,
-    pooled_options,
     regressor,
     rows_of,
     theta_columns,
     theta_of,
 )
 from analysis.schema import build, values
-from analysis.settings import RECURSIVE, Settings
+from analysis.settings import RECURSIVE, Method, Settings
 from estimators import pooled
 from estimators.window_mean import mean_estimate
 
@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 def masses(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
-    estimates: Mapping[str, pl.DataFrame],
+    estimates: Mapping[Method, pl.DataFrame],
     machine: Machine,
     *,
     weighs: bool,
@@ -51,8 +51,12 @@ def masses(
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in axes(excitation):
         told = weighs if axis is X else inertia
-        rows = {method: rows_of(axis, frame) for method, frame in estimates.items()}
-        shown = rows if told else {method: frame.clear() for method, frame in rows.items()}
+        rows: dict[Method, pl.DataFrame] = {
+            method: rows_of(axis, frame) for method, frame in estimates.items()
+        }
+        shown: dict[Method, pl.DataFrame] = (
+            rows if told else {m: each.clear() for m, each in rows.items()}
+        )
         columns |= theta_columns(axis, *_totals(axis, excitation, gated, shown, machine.settings))
         suffix = "" if axis is X else "_z"
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
@@ -71,7 +75,9 @@ def pooled_over_log(
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
-    whole = pooled.trace(A, f, np.where(used, 0, -1), pooled_options(axis, settings))
+    whole = pooled.trace(
+        A, f, np.where(used, 0, -1), pooled.PooledOptions(column_noise(axis, settings))
+    )
     return whole.theta[0], whole.std[0]
 
 
@@ -79,7 +85,7 @@ def _totals(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
-    estimates: Mapping[str, pl.DataFrame],
+    estimates: Mapping[Method, pl.DataFrame],
     settings: Settings,
 ) -> tuple[Floats, Floats]:
     """Parameters (methods, p) and deviations (methods, p), NaN where there is no estimate."""
@@ -97,7 +103,9 @@ def _totals(
             theta[row], std[row] = traced[-1], traced_std[-1]
         else:
             index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
+            windows = theta_of(axis, frame)
+            unseen = systematic(axis, method, A, f, index, windows[0], settings)
             theta[row], std[row] = mean_estimate(
-                A, f, settings.window_samples, index, *theta_of(axis, frame)
+                A, f, settings.window_samples, index, *windows, unseen
             )
     return theta, std

@@ -6,6 +6,7 @@ mass, inertia and friction come from straight motion and spins of the same log.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -69,10 +70,13 @@ def _arcs(
     """Each arc that lasts a window, and all of them as one fit."""
     steady = plane.usable & (excitation["phase"] == "arc").fill_null(False).to_numpy()
     arc_id = np.where(steady, manoeuvres(excitation, settings), -1)
-    ids, counts = np.unique(arc_id[steady], return_counts=True)
-    ids = ids[counts >= settings.window_samples]
-    if not ids.size:
+    ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
+    lasting = counts >= settings.window_samples
+    if not lasting.any():
         return
+    # an arc is one stretch of the log
+    rows = np.flatnonzero(steady)
+    firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
     known: dict[str, tuple[float, float]] = {}
     for axis, told in ((X, can_weigh(judged)), (Z, tells_inertia(judged))):
         if told:
@@ -85,12 +89,14 @@ def _arcs(
             }
     # a yaw torque counts once spins have vouched for it
     both = "friction_z_N_m_s" in known
-    groups = [("arc", np.array([number])) for number in ids]
-    groups += [("arcs", ids)] if ids.size > 1 else []
-    for kind, members in groups:
-        used = np.isin(arc_id, members)
-        estimate = _fit(plane, np.where(used, arc_id, -1), known, settings, both=both)
-        row = _row(kind, plane, used, estimate, known)
+    parts = [("arc", slice(first, last + 1)) for first, last in zip(firsts, lasts, strict=True)]
+    parts += [("arcs", slice(firsts[0], lasts[-1] + 1))] if firsts.size > 1 else []
+    lasting_ids = ids[lasting]
+    for kind, part in parts:
+        here, of = plane.cut(part), arc_id[part]
+        of = np.where(np.isin(of, lasting_ids), of, -1)
+        estimate = _fit(here, of, known, settings, both=both)
+        row = _row(kind, here, of >= 0, estimate, known)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
@@ -106,7 +112,7 @@ def _joint(plane: Plane, judged: pl.DataFrame, settings: Settings) -> dict[str, 
         return None
     estimate = _fit(plane, np.where(used, 0, -1), {}, settings, both=True)
     row = _row("joint", plane, used, estimate, {})
-    unexplained = estimate.residual_rms**2 / np.var(plane.f[used], axis=0)
+    unexplained = estimate.residual_rms**2 / np.var(plane.f, axis=0, where=used[:, None])
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = _believable(plane, estimate, row, settings) and not contradicted(judged)
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
@@ -123,8 +129,8 @@ def _believable(
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.std[:2][told]
     force = plane.f[:, 0]
-    driving = checks.along_share(plane.speed, force, plane.known & (plane.pace > 0))
-    opposing = 1.0 - checks.along_share(plane.speed, force, plane.known & (plane.pace < 0))
+    driving = checks.along_share(plane.motion.speed, force, plane.known & (plane.pace > 0))
+    opposing = 1.0 - checks.along_share(plane.motion.speed, force, plane.known & (plane.pace < 0))
     return (
         explained >= limits.r_squared_min
         and bool((theta > 0.0).all() and (std <= limits.relative_std_max * theta).all())
@@ -137,17 +143,14 @@ def _fit(
     plane: Plane, segment_id: Ints, known: Known, settings: Settings, *, both: bool
 ) -> BaseEstimate:
     """Fit the samples of segment_id >= 0; without `both`, the row of the force alone."""
-    used = np.flatnonzero(segment_id >= 0)
-    part = slice(int(used[0]), int(used[-1]) + 1)
-    A, f, segment_id = plane.A[part], plane.f[part], segment_id[part]
     rows = 2 if both else 1
     return base_parameters.fit(
-        A[:, :rows],
-        f[:, :rows],
+        replace(plane.motion, rows=rows),
+        plane.f[:, :rows],
         PARAMETERS,
         segment_id,
         known,
-        plane_noise(A[segment_id >= 0], settings),
+        plane_noise(plane.motion, segment_id >= 0, settings)[:rows],
     )
 
 
@@ -162,8 +165,8 @@ def _row(
         "start_t_ns": int(t_ns[0]),
         "end_t_ns": int(t_ns[-1]),
         "samples": int(t_ns.size),
-        "speed_x_m_s": float(plane.speed[used].mean()),
-        "yaw_rate_rad_s": float(plane.yaw_rate[used].mean()),
+        "speed_x_m_s": float(plane.motion.speed[used].mean()),
+        "yaw_rate_rad_s": float(plane.motion.yaw_rate[used].mean()),
         "condition_1": found.condition,
         "rank": found.rank,
         "identifiable": ", ".join(

@@ -25,7 +25,7 @@ class Plane:
 
     Attributes:
         t_ns: (n,) time of each sample.
-        A: (n, 2, 6) `planar.regressor`, NaN where a sample is missing.
+        motion: (n,) samples that make the regressor, NaN where one is missing.
         f: (n, 2) force and yaw torque.
         known: (n,) nothing is missing.
         usable: (n,) nothing is missing, and nothing brakes (unless braking counts as driving).
@@ -37,7 +37,7 @@ class Plane:
     """
 
     t_ns: NDArray[np.int64]
-    A: Floats
+    motion: planar.Motion
     f: Floats
     known: Bools
     usable: Bools
@@ -46,15 +46,19 @@ class Plane:
     pace: Floats
     has_torque: bool
 
-    @property
-    def speed(self) -> Floats:
-        """(n,) v in m/s."""
-        return self.A[:, 0, planar.PARAMETERS.index("friction_x_N_s_m")]
-
-    @property
-    def yaw_rate(self) -> Floats:
-        """(n,) ω in rad/s."""
-        return self.A[:, 1, planar.PARAMETERS.index("friction_z_N_m_s")]
+    def cut(self, part: slice) -> "Plane":
+        """A slice of the log, which shares its memory."""
+        return Plane(
+            t_ns=self.t_ns[part],
+            motion=self.motion.cut(part),
+            f=self.f[part],
+            known=self.known[part],
+            usable=self.usable[part],
+            moving=self.moving[part],
+            turning=self.turning[part],
+            pace=self.pace[part],
+            has_torque=self.has_torque,
+        )
 
 
 def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
@@ -64,7 +68,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     speed = values(excitation, "speed_x_m_s")
     yaw_rate = values(excitation, "yaw_rate_rad_s")
     zero = np.zeros(n)
-    A = planar.regressor(
+    motion = planar.Motion(
         values(excitation, "regressor_acc_x_m_s2"),
         values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
         speed,
@@ -74,7 +78,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     )
     torque = values(excitation, "torque_z_N_m") if has_torque else zero
     f = np.column_stack([values(excitation, "force_x_N"), torque])
-    known = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(f).all(axis=1)
+    known = motion.known() & np.isfinite(f).all(axis=1)
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(_TURNS).fill_null(False).to_numpy()
     rate = values(excitation, "speed_rate_x_m_s2")
@@ -87,7 +91,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
         usable = known & ~braking_within_sight(slows, settings)
     return Plane(
         t_ns=excitation["t_ns"].to_numpy(),
-        A=A,
+        motion=motion,
         f=f,
         known=known,
         usable=usable,
@@ -98,23 +102,24 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     )
 
 
-def plane_noise(A: Floats, settings: Settings) -> Floats:
-    """What the settings' noise is in each column, (6,), after the moving mean.
+def plane_noise(motion: planar.Motion, used: Bools, settings: Settings) -> Floats:
+    """What the settings' noise is in each column of each row, (2, 6), after the moving mean.
 
     Args:
-        A: (n, 2, 6) samples without NaN.
+        motion: (n,) samples.
+        used: (n,) those to look at, without NaN.
         settings: noise of the channels, samples of the mean.
     """
-    yaw_rate = A[:, 1, planar.PARAMETERS.index("friction_z_N_m_s")]
-    speed = A[:, 0, planar.PARAMETERS.index("friction_x_N_s_m")]
+    speed_rms, yaw_rate_rms = (
+        float(np.sqrt(np.mean(x**2, where=used))) for x in (motion.speed, motion.yaw_rate)
+    )
     # of ω v, or of an accelerometer, whichever is more
     sideways = np.hypot(
-        float(np.sqrt(np.mean(speed**2))) * settings.tls_noise_yaw_rate_rad_s,
-        float(np.sqrt(np.mean(yaw_rate**2))) * settings.tls_noise_speed_m_s,
+        speed_rms * settings.tls_noise_yaw_rate_rad_s, yaw_rate_rms * settings.tls_noise_speed_m_s
     )
     mean = np.sqrt(settings.smooth_samples)
     return planar.column_noise(
-        A,
+        yaw_rate_rms,
         settings.tls_noise_acc_m_s2 / mean,
         max(settings.tls_noise_acc_m_s2, float(sideways)) / mean,
         settings.tls_noise_speed_m_s / mean,

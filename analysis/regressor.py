@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from analysis.schema import values
 from analysis.settings import Settings
 from estimators import planar
-from estimators.pooled import PooledOptions
 from estimators.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -84,18 +83,6 @@ def spin(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,): the yaw row of (8) alone, NaN where a sample is missing."""
     A = planar.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
     return np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
-
-
-def pooled_options(axis: Axis, settings: Settings) -> PooledOptions:
-    """What is known of the noise of an axis' columns after the moving mean.
-
-    A yaw acceleration is a derivative, whose noise would draw the inertia towards zero.
-    """
-    if axis is X:
-        return PooledOptions()
-    mean = np.sqrt(settings.smooth_samples)
-    raw = settings.tls_noise_yaw_acc_rad_s2, settings.tls_noise_yaw_rate_rad_s
-    return PooledOptions((raw[0] / mean, raw[1] / mean))
 
 
 def theta_columns(axis: Axis, theta: Floats, std: Floats) -> dict[str, Floats]:

@@ -4,8 +4,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.column_noise import column_noise
 from analysis.gate import accepted_samples
-from analysis.regressor import Axis, X, Z, axes, pooled_options, regressor, trace_columns
+from analysis.regressor import Axis, X, Z, axes, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
 from estimators import pooled
@@ -27,12 +28,9 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     phase = excitation["phase"]
     alone = (*_TURNS, *(("braking",) if settings.exclude_braking else ()))
     known = phase.is_not_null().to_numpy()
-    kind = (
-        phase.cast(pl.String).replace_strict(
-            {name: i + 1 for i, name in enumerate(alone)}, default=0
-        )
-    ).to_numpy()
-    kind = np.where(known, kind, -1)
+    kinds = np.array([1 + alone.index(name) if name in alone else 0 for name in PHASE.categories])
+    kind = kinds.astype(np.int8)[phase.cast(PHASE).to_physical().fill_null(0).to_numpy()]
+    kind = np.where(known, kind, np.int8(-1))
     begins = np.append(True, np.diff(kind) != 0)[: kind.size] & known
     return np.where(known, np.cumsum(begins) - 1, -1).astype(np.int64)
 
@@ -64,7 +62,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         pooled_ids = pooled_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = regressor(axis, excitation, settings)
-        traced = pooled.trace(A, f, pooled_ids, pooled_options(axis, settings))
+        traced = pooled.trace(A, f, pooled_ids, pooled.PooledOptions(column_noise(axis, settings)))
         parts.append(
             pl.DataFrame(
                 {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},

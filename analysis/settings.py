@@ -8,6 +8,8 @@ Method = Literal["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]
 
 #: Methods whose last state stands for all before it; the others give an estimate a window.
 RECURSIVE: Final = frozenset({"rls", "rtls"})
+#: Methods that take the regressor for exact, as (6) does; noise in it draws them towards zero.
+EXACT: Final = frozenset({"ls", "rls", "fgls", "huber"})
 
 
 class VerdictLimits(BaseModel):
@@ -99,7 +101,9 @@ class Settings(BaseModel):
     tls_noise_torque_z_N_m: float = Field(
         45.0, gt=0, description="noise of the yaw torque, before the mean"
     )
-    tls_noise_yaw_acc_rad_s2: float = Field(0.02, gt=0, description="noise of the yaw acceleration")
+    tls_noise_yaw_acc_rad_s2: float = Field(
+        0.026, gt=0, description="noise of the yaw acceleration, as derived of such a yaw rate"
+    )
     tls_noise_yaw_rate_rad_s: float = Field(0.001, gt=0, description="noise of the yaw rate")
     derivative_cutoff_hz: float = Field(
         20.0, gt=0, description="low-pass of every regressor channel where one is derived by d/dt"

@@ -1,14 +1,17 @@
 """Run the chosen estimators over the accepted windows."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
 import polars as pl
 
+from analysis.column_noise import column_noise, systematic
 from analysis.gate import settled_windows
-from analysis.regressor import Axis, X, axes, pooled_options, regressor, trace_columns
+from analysis.regressor import Axis, X, axes, regressor, trace_columns
 from analysis.schema import build
 from analysis.segments import pooled_samples
-from analysis.settings import Settings
+from analysis.settings import Method, Settings
 from estimators import fgls, huber, ls, pooled, rls, rtls, tls
 from estimators.trace import Ints, Trace
 
@@ -33,13 +36,13 @@ def options_of(axis: Axis, settings: Settings) -> Options:
         noise,
         rtls.RtlsOptions(noise, settings.forgetting),
         huber.HuberOptions(settings.huber_bend),
-        pooled_options(axis, settings),
+        pooled.PooledOptions(column_noise(axis, settings)),
     )
 
 
 def trace(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
-) -> dict[str, pl.DataFrame]:
+) -> dict[Method, pl.DataFrame]:
     """Estimate from every accepted window with every method of the settings.
 
     Args:
@@ -60,14 +63,14 @@ def trace(
 
 def _traces(
     axis: Axis, excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
-) -> dict[str, Trace]:
+) -> dict[Method, Trace]:
     """Every method over one axis."""
     A, f = regressor(axis, excitation, settings)
     window = settings.window_samples
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
     settled = settled_windows(excitation, gated, settings, axis)
     options = options_of(axis, settings)
-    traces: dict[str, Trace] = {}
+    traces: dict[Method, Trace] = {}
     for method in settings.methods:
         match method:
             case "ls":
@@ -85,6 +88,9 @@ def _traces(
             case "pooled":
                 ids = pooled_samples(excitation, gated, settings, axis)
                 traced = pooled.trace(A, f, ids, options.pooled)
+        if method != "pooled":
+            unseen = systematic(axis, method, A, f, traced.index, traced.theta, settings)
+            traced = replace(traced, std=np.hypot(traced.std, unseen))
         traces[method] = traced
     return traces
 

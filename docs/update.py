@@ -29,7 +29,13 @@ PAGES = (
     REPO / "README.md",
     *(
         REPO / "docs" / f"{name}.md"
-        for name in ("first-recording", "machine-file", "simulating", "commands")
+        for name in (
+            "first-recording",
+            "machine-file",
+            "simulating",
+            "inertia-and-centre-of-mass",
+            "commands",
+        )
     ),
 )
 _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)

@@ -2,7 +2,7 @@
 
 Rank-deficient least squares always has a solution, of least norm, whose numbers mean nothing. Here
 the base columns alone are fitted, A φ = A_base (C φ) (see `identifiability`), which is ordinary
-least squares of full rank.
+least squares of full rank. All of it but the residuals comes from the triangular factors of [A f].
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,11 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.attenuation import DOUBT, attenuation
 from estimators.autocorrelation import pooled_autocorrelation
+from estimators.blocks import BLOCK, Blocks, factors, residuals, sandwich_meat
 from estimators.errors import DataError, nearest
 from estimators.identifiability import Identifiability, identify
 from estimators.linear import inverse_spd, lstsq
-from estimators.sandwich import deviations, meat
+from estimators.sandwich import deviations
 from estimators.student import widening
 from estimators.trace import Floats, Ints
 
@@ -66,7 +68,7 @@ class BaseEstimate:
 
 
 def fit(
-    A: Floats,
+    A: Blocks,
     f: Floats,
     parameters: Sequence[str],
     segment_id: Ints | None = None,
@@ -79,13 +81,16 @@ def fit(
     metres have no common noise. Residuals of different axes are taken as independent.
 
     Args:
-        A: (n, k, p) regressor of k axes, samples in time order.
+        A: (n, k, p) regressor of k axes, samples in time order; an array, or made by the block.
         f: (n, k) force or torque.
         parameters: (p,) names of the columns.
         segment_id: (n,) stretch of the log that each sample is from, negative for samples to leave
             out, which may be NaN; one stretch where none is given.
         known: value and standard deviation of parameters that stages before have told.
-        noise: (p,) r.m.s. noise of the columns, see `identify`; None takes A as exact.
+        noise: (k, p) r.m.s. noise of the columns of each axis, of one source each within an axis.
+            What does not stand above it is not determined, see `identify`; what it draws the rest
+            towards zero by is taken off, part of it counted as uncertainty, see `attenuation`.
+            None takes A as exact.
 
     Raises:
         DataError: shapes that do not go together, NaN, or an unknown name among the known.
@@ -102,95 +107,138 @@ def fit(
             raise DataError(f"no parameter '{name}' to be known; {nearest(name, parameters)}")
     segment_id = np.zeros(n, np.int64) if segment_id is None else segment_id
     used = segment_id >= 0
-    if not np.isfinite(f[used]).all():
+    samples = int(used.sum())
+    R = factors(A, f, used)
+    if not np.isfinite(R[..., -1]).all() and np.isfinite(R[..., :-1]).all():
         raise DataError("the forces hold NaN or infinity; leave out the samples that miss")
 
-    given = np.array([name in known for name in parameters])
-    values = np.array([known[name][0] for name in parameters if name in known], np.float64)
-    stds = np.array([known[name][1] for name in parameters if name in known], np.float64)
-    free = np.flatnonzero(~given)
+    given = np.flatnonzero([name in known for name in parameters])
+    values, stds = np.array([known[parameters[int(i)]] for i in given]).reshape(-1, 2).T
+    free = np.setdiff1d(np.arange(p), given)
     names = [parameters[int(i)] for i in free]
-    found = identify(A[used][..., free], names, None if noise is None else noise[free])
-    base = A[..., free[found.base]]
-    beta, covariance, weight, rms = _weighted_fit(base, f - A[..., given] @ values, segment_id)
+    all_noise = None if noise is None else np.sqrt(np.mean(np.square(noise), axis=0))[free]
+    found = identify(R[..., free], names, all_noise, samples * k)
+    columns = free[found.base]
+    added = samples * np.square(np.zeros((k, p)) if noise is None else noise)[:, columns]
+    fitted = _weighted_fit(
+        R[..., columns], R[..., -1] - R[..., given] @ values, R[..., given], added, samples
+    )
 
+    coefficients = np.zeros(p)
+    coefficients[given], coefficients[columns] = values, fitted.theta
+    residual = residuals(A, f, used, coefficients)
+    covariance = _covariance(A, columns, segment_id, residual, fitted)
     # what an error of the known ones does to the fitted ones
-    given_rows = (A[used][..., given] * weight).reshape(f[used].size, values.size)
-    gain = -_solve(base[used] * weight, given_rows)
-    covariance = covariance + gain * stds**2 @ gain.T
+    covariance = covariance + fitted.gain * stds**2 @ fitted.gain.T
 
     single = found.identifiable[found.base]
-    here = free[found.base[single]]
+    here = columns[single]
     theta = np.full(p, np.nan)
-    theta[given], theta[here] = values, beta[single]
+    theta[given], theta[here] = values, fitted.theta[single]
     full = np.full((p, p), np.nan)
     full[np.ix_(given, given)] = np.diag(stds**2)
     full[np.ix_(here, here)] = covariance[np.ix_(single, single)]
-    full[np.ix_(here, given)] = (gain * stds**2)[single]
-    full[np.ix_(given, here)] = (gain * stds**2)[single].T
+    full[np.ix_(here, given)] = (fitted.gain * stds**2)[single]
+    full[np.ix_(given, here)] = (fitted.gain * stds**2)[single].T
     return BaseEstimate(
         identifiability=found,
         parameters=tuple(parameters),
         theta=theta,
         covariance=full,
-        combination=beta[~single],
+        combination=fitted.theta[~single],
         combination_std=np.sqrt(np.diagonal(covariance))[~single],
-        residual_rms=rms,
+        residual_rms=fitted.rms,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """Weighted least squares of r base columns.
+
+    Attributes:
+        theta: (r,) the parameters, what noise draws them by taken off.
+        gram: (r, r) weighted AᵀA without its noise.
+        doubt: (r, r) covariance of what was taken off.
+        gain: (r, g) what an error of each known parameter does to them.
+        weight: (k,) of the axes.
+        rms: (k,) r.m.s. of the residuals.
+    """
+
+    theta: Floats
+    gram: Floats
+    doubt: Floats
+    gain: Floats
+    weight: Floats
+    rms: Floats
+
+
+def _weighted_fit(A: Floats, f: Floats, given: Floats, added: Floats, samples: int) -> _Fitted:
+    """Fit triangular factors: A (k, q, r), f (k, q), of the known ones (k, q, g), noise (k, r)."""
+    k, _, r = A.shape
+    if samples == 0 or r == 0:
+        nothing = np.full((r, r), np.nan)
+        gain = np.full((r, given.shape[-1]), np.nan)
+        rms = _rms(f, samples) if samples else np.full(k, np.nan)
+        return _Fitted(np.full(r, np.nan), nothing, nothing, gain, np.ones(k), rms)
+    floor = LEAST_RESIDUAL * np.sqrt((f**2).sum() / (samples * k)) or 1.0
+    rms = np.ones(k)
+    theta = np.empty(0)
+    for _ in range(MOST_ROUNDS):
+        theta = _solve(A / rms[:, None, None], f[..., None] / rms[:, None, None])[:, 0]
+        before, rms = rms, np.maximum(_rms(f - A @ theta, samples), floor)
+        if (np.abs(rms / before - 1.0) < SETTLED).all():
+            break
+    weighted = A / rms[:, None, None]
+    wide = np.concatenate([f[..., None], -given], axis=-1) / rms[:, None, None]
+    solved = _solve(weighted, wide)
+    gram = np.einsum("kqi,kqj->ij", weighted, weighted)
+    noise = (added / rms[:, None] ** 2).sum(axis=0)
+    doubt = np.zeros_like(gram)
+    if noise.any():
+        drawn = [attenuation(gram, x, noise) for x in np.ascontiguousarray(solved.T)]
+        solved = solved + np.stack([each.sum(axis=1) for each in drawn], axis=-1)
+        doubt = DOUBT**2 * drawn[0] @ drawn[0].T
+        gram = gram - np.diag(noise)
+    theta, gain = solved[:, 0], solved[:, 1:]
+    return _Fitted(theta, gram, doubt, gain, 1.0 / rms, _rms(f - A @ theta, samples))
 
 
 def _solve(A: Floats, f: Floats) -> Floats:
-    """Least squares of stacked axes, columns scaled to unit norm: (n, k, r), (n·k, …) to (r, …)."""
-    rows = A.reshape(A.shape[0] * A.shape[1], A.shape[2])
+    """Least squares of stacked axes, columns scaled to unit norm: (k, q, r), (k, q, m): (r, m)."""
+    rows = A.reshape(-1, A.shape[-1])
     scale = np.linalg.norm(rows, axis=0)
-    return (lstsq(rows / scale, f).T / scale).T
+    return lstsq(rows / scale, f.reshape(-1, f.shape[-1])) / scale[:, None]
 
 
-def _weighted_fit(A: Floats, f: Floats, segment_id: Ints) -> tuple[Floats, Floats, Floats, Floats]:
-    """θ (r,), its covariance (r, r), the weights (k, 1) of the axes and their r.m.s. (k,)."""
-    k, r = A.shape[1:]
+def _rms(residual: Floats, samples: int) -> Floats:
+    """R.m.s. (k,) of the residuals whose triangular factor is (k, q)."""
+    return np.sqrt((residual**2).sum(axis=1) / samples)
+
+
+def _covariance(
+    A: Blocks, columns: Ints, segment_id: Ints, residual: Floats, fitted: _Fitted
+) -> Floats:
+    """The sandwich (r, r), and what is uncertain of the noise that was taken off."""
+    k, r = residual.shape[1], columns.size
     used = segment_id >= 0
-    rows, force = A[used], f[used]
-    if force.size == 0:
-        return np.full(r, np.nan), np.full((r, r), np.nan), np.ones((k, 1)), np.full(k, np.nan)
-    if r == 0:
-        return np.empty(0), np.empty((0, 0)), np.ones((k, 1)), np.sqrt((force**2).mean(0))
-    floor = LEAST_RESIDUAL * np.sqrt((force**2).mean()) or 1.0
-    rms = np.ones(k)
-    for _ in range(MOST_ROUNDS):
-        theta = _solve(rows / rms[:, None], (force / rms).reshape(-1))
-        before, rms = rms, np.maximum(np.sqrt(((force - rows @ theta) ** 2).mean(0)), floor)
-        if (np.abs(rms / before - 1.0) < SETTLED).all():
-            break
-    weight = 1.0 / rms[:, None]
-    theta = _solve(rows * weight, (force / rms).reshape(-1))
-    covariance = _covariance(A * weight, (f - A @ theta) / rms, segment_id)
-    return theta, covariance, weight, np.sqrt(((force - rows @ theta) ** 2).mean(0))
-
-
-def _covariance(A: Floats, residual: Floats, segment_id: Ints) -> Floats:
-    """The sandwich (r, r) of k axes of one scale; an axis of a stretch is a series of its own."""
-    k, r = A.shape[1:]
-    used = segment_id >= 0
-    # samples left out keep their place, so that a lag stays a lag across them
-    series = np.where(used, segment_id * k + np.arange(k)[:, None], -1)
-    labels = np.unique(segment_id[used])
-    # θ is fitted to all series together, so that each has lost its share of the r columns
-    share = A[:, :, : -(-r // (k * labels.size))].transpose(1, 0, 2)
-    correlation, _ = pooled_autocorrelation(
-        residual.T.reshape(-1), series.reshape(-1), share.reshape(k * used.size, -1)
-    )
-    size = np.sqrt((A[used] ** 2).sum((0, 1)))
-    A = A / size
-    B = np.zeros((r, r))
-    for label in labels:
-        first, last = np.flatnonzero(segment_id == label)[[0, -1]]
-        for axis in range(k):
-            columns = np.ascontiguousarray(A[:, axis])
-            B += meat(columns, segment_id, label, first, last, correlation)
-    gram = np.einsum("nki,nkj->ij", A[used], A[used])
-    squares, samples = float((residual[used] ** 2).sum()), float(residual[used].size)
-    std = deviations(gram, B, squares, samples) * widening(samples, correlation)
+    samples = int(used.sum()) * k
+    if r == 0 or samples == 0 or not np.isfinite(fitted.theta).all():
+        return np.full((r, r), np.nan)
+    # θ is fitted to all series together, so that each has lost its share of the r columns; of a
+    # long one that is nothing
+    share = columns[: -(-r // (k * np.unique(segment_id[used]).size))]
+    taken = A[:].transpose(1, 0, 2)[..., share] if used.size <= BLOCK else [None] * k
+    # a derivative's noise is correlated otherwise than a sensor's: each axis has its own
+    correlations = [
+        pooled_autocorrelation(np.ascontiguousarray(axis), segment_id, lost)[0]
+        for axis, lost in zip(residual.T, taken, strict=True)
+    ]
+    size = np.sqrt(np.diagonal(fitted.gram))
+    weight = fitted.weight[:, None] / size
+    B = sandwich_meat(A, columns, segment_id, correlations, weight)
+    gram = fitted.gram / np.outer(size, size)
+    rss = float(((residual * fitted.weight) ** 2).sum())
+    std = deviations(gram, B, rss, float(samples)) * widening(samples, correlations[0])
     bread = inverse_spd(gram)
     if not np.isfinite(bread).all():
         # determined by rounding alone: no deviation can be told
@@ -199,4 +247,4 @@ def _covariance(A: Floats, residual: Floats, segment_id: Ints) -> Floats:
     # a tapered correlation need not be positive definite
     shape: Floats = cover if np.linalg.eigvalsh(cover)[0] > 0.0 else bread
     stretch = std / size / np.sqrt(np.diagonal(shape))
-    return shape * np.outer(stretch, stretch)
+    return shape * np.outer(stretch, stretch) + fitted.doubt

@@ -55,7 +55,9 @@ class Identifiability:
         return [_text(row, self.parameters) for row in self.combinations]
 
 
-def identify(A: Floats, parameters: Sequence[str], noise: Floats | None = None) -> Identifiability:
+def identify(
+    A: Floats, parameters: Sequence[str], noise: Floats | None = None, samples: int | None = None
+) -> Identifiability:
     """Find what a motion determines.
 
     Args:
@@ -64,23 +66,27 @@ def identify(A: Floats, parameters: Sequence[str], noise: Floats | None = None) 
         noise: (p,) r.m.s. noise of each measured column, in its unit. With it, only what stands
             `NOISE_MARGIN` times above the noise counts, and what does not is left to the residuals;
             without it A is taken as exact, and any noise then makes everything look determined.
+        samples: how many rows A stands for, where it is their triangular factors.
 
     Raises:
-        DataError: A holds NaN, or there is not one name and one noise above zero a column.
+        DataError: A holds NaN, or there is not one name and one noise a column, above zero unless
+            the column is nothing but zeros.
     """
     rows = A.reshape(int(np.prod(A.shape[:-1])), A.shape[-1])
-    n, p = rows.shape
+    p = A.shape[-1]
+    n = rows.shape[0] if samples is None else samples
     if len(parameters) != p:
         raise DataError(f"the regressor has {p} columns; {len(parameters)} parameters are named")
     if not np.isfinite(rows).all():
         raise DataError("the regressor holds NaN or infinity; leave out the samples that miss")
+    length = np.linalg.norm(rows, axis=0)
     if noise is None:
-        scale = np.linalg.norm(rows, axis=0)
-        scale[scale == 0.0] = 1.0
-    elif noise.shape == (p,) and (noise > 0.0).all():
+        scale = length
+    elif noise.shape == (p,) and (noise[length > 0.0] > 0.0).all():
         scale = noise * np.sqrt(max(n, 1))
     else:
         raise DataError(f"the noise of {p} columns is asked for, each above zero; got {noise}")
+    scale = np.where(length > 0.0, scale, 1.0)
     # R has A's singular values and is at most p rows high, however long the log
     R: Floats = np.asarray(np.linalg.qr(rows / scale, mode="r"))
     singular, Vt = np.linalg.svd(R)[1:]
@@ -91,7 +97,7 @@ def identify(A: Floats, parameters: Sequence[str], noise: Floats | None = None) 
         smallest, slack = NOISE_MARGIN, NOISY
     rank = int((singular > smallest).sum())
     identifiable = (Vt[:rank] ** 2).sum(0) > 1.0 - slack
-    base, echelon = _echelon(Vt[:rank])
+    base, echelon = _echelon(Vt[:rank], identifiable)
     # coefficients that the test above takes for zero
     echelon[identifiable[base]] = 0.0
     echelon[np.abs(echelon) < np.sqrt(slack / p)] = 0.0
@@ -106,17 +112,20 @@ def identify(A: Floats, parameters: Sequence[str], noise: Floats | None = None) 
     )
 
 
-def _echelon(rows: Floats) -> tuple[Ints, Floats]:
+def _echelon(rows: Floats, identifiable: Bools) -> tuple[Ints, Floats]:
     """Pivots (r,) ascending and the reduced row echelon form (r, p) of r independent rows.
 
-    The earliest column that stands out far enough is the next pivot, not the one furthest out:
-    a combination should be told of the mass where it can be.
+    What is determined by itself is a pivot. Of the others the earliest column that stands out far
+    enough is the next, not the one furthest out: a combination should be told of the mass where it
+    can be.
     """
     rest = rows.copy()
     pivots: list[int] = []
-    for _ in range(rows.shape[0]):
+    alone = [int(i) for i in np.flatnonzero(identifiable)]
+    for number in range(rows.shape[0]):
         length = np.linalg.norm(rest, axis=0)
-        pivot = int(np.argmax(length * PIVOT_PREFERENCE >= length.max()))
+        preferred = int(np.argmax(length * PIVOT_PREFERENCE >= length.max()))
+        pivot = alone[number] if number < len(alone) else preferred
         pivots.append(pivot)
         direction = rest[:, pivot] / length[pivot]
         rest -= np.outer(direction, direction @ rest)

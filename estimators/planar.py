@@ -20,9 +20,11 @@ The last needs two periods, or one out of step: where dv/dt = k ω̇ throughout,
 the rank is 5. A row for f_y would make the third 5 (with b_y) and the fourth 3; it is not measured.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from estimators.trace import Floats
+from estimators.trace import Bools, Floats
 
 #: The parameters of the two rows, a name a column; names as in `rigid_body.PARAMETERS`. A
 #: combination is told of its earliest: mass and inertia come before the moments they mix with.
@@ -124,18 +126,62 @@ def regressor(
     return np.stack([np.stack(force_x, -1), np.stack(torque_z, -1)], -2)
 
 
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Motion in the plane, whose regressor is made a slice at a time: a shift's takes gigabytes.
+
+    Attributes:
+        specific_force_x: (n,) and so on, as `regressor` takes them.
+        rows: 2, or 1 for the row of the force alone.
+    """
+
+    specific_force_x: Floats
+    specific_force_y: Floats
+    speed: Floats
+    yaw_rate: Floats
+    yaw_acceleration: Floats
+    rows: int = 2
+
+    @property
+    def _channels(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        return (
+            self.specific_force_x,
+            self.specific_force_y,
+            self.speed,
+            self.yaw_rate,
+            self.yaw_acceleration,
+        )
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Of the regressor."""
+        return self.speed.size, self.rows, len(PARAMETERS)
+
+    def __getitem__(self, part: slice) -> Floats:
+        """The regressor of a slice of samples, (m, rows, 6)."""
+        return regressor(*(x[part] for x in self._channels))[:, : self.rows]
+
+    def cut(self, part: slice) -> "Motion":
+        """A slice of the samples, which shares their memory."""
+        return Motion(*(x[part] for x in self._channels), rows=self.rows)
+
+    def known(self) -> Bools:
+        """(n,) the samples of which no channel is missing."""
+        return np.logical_and.reduce([np.isfinite(x) for x in self._channels])
+
+
 def column_noise(
-    A: Floats,
+    yaw_rate_rms: float,
     specific_force_x: float,
     specific_force_y: float,
     speed: float,
     yaw_rate: float,
     yaw_acceleration: float,
 ) -> Floats:
-    """What the channels' noise puts into each column, for `identifiability.identify`.
+    """What the channels' noise puts into each column of each row, for `base_parameters.fit`.
 
     Args:
-        A: (n, 2, 6) the measured `regressor`.
+        yaw_rate_rms: r.m.s. of ω itself, in rad/s.
         specific_force_x: r.m.s. noise as it is in A, after any smoothing, in m/s².
         specific_force_y: likewise; about v times that of ω where it was made of ω v.
         speed: likewise, in m/s.
@@ -143,10 +189,9 @@ def column_noise(
         yaw_acceleration: likewise, in rad/s².
 
     Returns:
-        (6,) r.m.s. over both rows.
+        (2, 6) r.m.s.; within a row each column is of another channel.
     """
-    omega = A[:, 1, PARAMETERS.index("friction_z_N_m_s")]
-    omega_squared = 2.0 * float(np.sqrt(np.mean(omega**2))) * yaw_rate
+    omega_squared = 2.0 * yaw_rate_rms * yaw_rate
     force_x = [specific_force_x, 0.0, omega_squared, yaw_acceleration, speed, 0.0]
     torque_z = [0.0, yaw_acceleration, specific_force_y, specific_force_x, 0.0, yaw_rate]
-    return np.sqrt(np.mean(np.square([force_x, torque_z]), axis=0))
+    return np.array([force_x, torque_z])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.attenuation import DOUBT, attenuations
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
 from estimators.linear import at, condition_numbers
@@ -21,13 +22,12 @@ class PooledOptions:
     """What is known of the regressor's own noise.
 
     Attributes:
-        noise_A: r.m.s. noise of each column as it is in A. Noise in a column draws its parameter
-            towards zero; with it, what n samples of noise add to AᵀA is taken off again (Fuller,
-            Measurement Error Models, 1987), and half of what that changes is counted as
-            uncertainty. None takes A as exact, which is ordinary least squares.
+        noise_A: r.m.s. noise of each column as it is in A, whose pull towards zero is taken off
+            again (`estimators.attenuation`), half of it counted as uncertainty. None takes A as
+            exact, which is ordinary least squares.
     """
 
-    noise_A: tuple[float, ...] | None = None
+    noise_A: Floats | None = None
 
 
 @compiled
@@ -93,12 +93,12 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
         return Trace.empty(p)
     products, first, last = _sums(A, f, segment_id, ids)
     counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
-    ordinary, condition = solve_sums(products)
-    theta = ordinary
+    theta, condition = solve_sums(products)
+    grams = np.stack([_gram(products[:, row], p) for row in range(ids.size)])
+    change = np.zeros_like(theta)
     if noise is not None:
-        for i in range(p):
-            products[at(i, i, p + 1)] -= counts * noise[i] ** 2
-        theta, _ = solve_sums(products)
+        change = attenuations(grams, counts, theta, noise)
+        grams, theta = grams - counts[:, None, None] * np.diag(np.square(noise)), theta + change
     residual = np.zeros(f.size)
     row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
@@ -110,10 +110,9 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     std = np.empty((ids.size, p))
     for row in range(ids.size):
         B = meat(A, segment_id, ids[row], first[row], last[row], correlation)
-        known = deviations(_gram(products[:, row], p), B, rss[row], counts[row])
+        known = deviations(grams[row], B, rss[row], counts[row])
         std[row] = known * widening(counts[row], correlation)
-    if noise is not None:
-        std = np.hypot(std, (theta - ordinary) / 2.0)
+    std = np.hypot(std, DOUBT * change)
     return Trace(last, theta, std, np.sqrt(rss / counts), condition, correlation)
 
 

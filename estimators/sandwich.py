@@ -28,7 +28,10 @@ _ROWS = 512
 
 @compiled
 def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
-    """Aᵀ R A over the samples first … last that belong to group `of`: (p, p)."""
+    """Aᵀ R A over the samples first … last that belong to group `of`: (p, p).
+
+    Each is paired with itself and those of its group before it, ahead of `first` as well.
+    """
     p = A.shape[1]
     B = np.zeros((p, p))
     tail = np.empty(p)
@@ -37,7 +40,7 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
         if group[k] != of:
             continue
         tail[:] = 0.5 * A[k]
-        for j in range(1, min(lags, k - first + 1)):
+        for j in range(1, min(lags, k + 1)):
             if group[k - j] == of:
                 for c in range(p):
                     tail[c] += correlation[j] * A[k - j, c]

@@ -51,7 +51,13 @@ def _weights(
 
 
 def mean_estimate(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, std: Floats
+    A: Floats,
+    f: Floats,
+    window: int,
+    index: Ints,
+    theta: Floats,
+    std: Floats,
+    systematic: Floats | None = None,
 ) -> tuple[Floats, Floats]:
     """Weighted mean θ over all rows of a windowed trace, and its standard deviation.
 
@@ -64,6 +70,8 @@ def mean_estimate(
         index: (rows,) last sample of each window, ascending.
         theta: (rows, p) their estimates.
         std: (rows, p) their standard deviations.
+        systematic: (rows, p) errors that the residuals do not show, of one sign in all windows, so
+            that no mean makes them smaller; none where not given.
 
     Returns:
         (p,) mean and (p,) standard deviations, NaN where no window has an estimate.
@@ -81,4 +89,6 @@ def mean_estimate(
     cover = meat(weights, inside, 0, 0, f.size - 1, correlation)
     white = meat(weights, inside, 0, 0, f.size - 1, np.ones(1))
     deviation = np.sqrt(np.maximum(np.diag(cover), np.diag(white)) * variance)
+    if systematic is not None:
+        deviation = np.hypot(deviation, share @ systematic[solved])
     return share @ theta, deviation

@@ -201,6 +201,33 @@ def test_without_a_channel_there_is_no_yaw_axis_and_a_note_names_it(missing):
     assert obstacles(turned["excitation"], turned["gate"], loader.settings) == []
 
 
+def test_intervals_of_every_method_cover_the_inertia_however_it_takes_the_noise_of_its_columns():
+    """100 logs of different noise, nominal 95 %: what noise draws least squares by is inside."""
+    methods = ("ls", "rls", "fgls", "tls", "pooled")
+    inside = []
+    for seed in range(100):
+        total = replayed(sensors(spins(), seed=seed), machine(methods=methods))["masses"]
+        error = total["inertia_z_kg_m2"].to_numpy() - INERTIA_KG_M2
+        inside.append(np.abs(error) < 1.96 * total["inertia_z_std_kg_m2"].to_numpy())
+    covered = dict(zip(methods, np.mean(inside, axis=0), strict=True))
+    assert all(share >= 0.90 for share in covered.values()), covered
+
+
+def test_windows_that_keep_the_noise_of_their_columns_say_so_in_their_deviation(stages):
+    """Their scatter is a third of what the noise of a derived yaw acceleration draws them by."""
+    quiet = machine(tls_noise_yaw_acc_rad_s2=1e-9, tls_noise_yaw_rate_rad_s=1e-9)
+    blind = replayed(sensors(starts() + spins()), quiet)
+    for method in ("ls", "fgls"):
+        knows, does_not = (
+            each["masses"].row(by_predicate=pl.col("method") == method, named=True)
+            for each in (stages, blind)
+        )
+        short = INERTIA_KG_M2 - does_not["inertia_z_kg_m2"]
+        assert short > 1.96 * does_not["inertia_z_std_kg_m2"]
+        assert 0 < INERTIA_KG_M2 - knows["inertia_z_kg_m2"] < 1.96 * knows["inertia_z_std_kg_m2"]
+        assert knows["mass_std_kg"] == does_not["mass_std_kg"]
+
+
 def test_a_tilted_imu_tells_the_same_inertia_as_a_level_one(stages):
     """The gyroscope is turned before its yaw acceleration is derived."""
     tilt = ImuMounting(roll_deg=20.0, pitch_deg=-15.0, yaw_deg=30.0)

@@ -1,14 +1,16 @@
 """Least squares that gives what a motion determines and NaN for the rest."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators import ls, planar
+from estimators import blocks, ls, planar
 from estimators.base_parameters import fit
 from estimators.errors import DataError
-from tests.estimators.motions import LOADER, MOTIONS, constant_arc, forces, spin
+from tests.estimators.motions import LOADER, MOTIONS, constant_arc, forces, measured, spin
 
 AT = {name: i for i, name in enumerate(planar.PARAMETERS)}
 SIGMA = np.array([60.0, 25.0])
@@ -84,6 +86,95 @@ def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a
     assert (np.mean(covered, axis=0) > 0.90).all()
     assert (np.mean(covered, axis=0) < 0.99).all()
     assert 0.90 < np.mean(com_covered) < 0.99
+
+
+#: An inertia is drawn by (0.02 / 0.32)² = 0.4 %.
+NOISE = {
+    "specific_force_x": 0.01,
+    "specific_force_y": 0.01,
+    "speed": 0.005,
+    "yaw_rate": 0.002,
+    "yaw_acceleration": 0.02,
+}
+
+
+def noisy(motion, seed, mean=1):
+    """The regressor with noise on every channel, the true force with noise, noise of columns."""
+    generator = np.random.default_rng(seed)
+    A = planar.regressor(**measured(motion, NOISE, generator, mean))
+    f = forces(motion)[mean - 1 :] + SIGMA / 10 * generator.normal(size=(A.shape[0], 2))
+    turning = float(np.sqrt(np.mean(motion["yaw_rate"] ** 2)))
+    return A, f, planar.column_noise(turning, **NOISE)
+
+
+def test_known_noise_of_the_columns_draws_nothing_and_nominal_95_percent_intervals_cover():
+    covered, errors, drawn = [], [], []
+    for seed in range(100):
+        A, f, noise = noisy(MOTIONS["joint"], seed)
+        found = fit(A, f, planar.PARAMETERS, noise=noise)
+        covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
+        errors.append(found.theta - LOADER)
+        drawn.append(fit(A, f, planar.PARAMETERS).theta - LOADER)
+    assert (np.mean(covered, axis=0) >= 0.90).all()
+    inertia = AT["inertia_z_kg_m2"]
+    bias, before = np.mean(errors, axis=0)[inertia], np.mean(drawn, axis=0)[inertia]
+    assert before < -0.003 * LOADER[inertia]
+    assert abs(bias) < 0.2 * abs(before)
+
+
+def test_noise_is_taken_off_combinations_alike():
+    """A spin about a point 0.2 m off tells Izz - 0.2 mc_x, in the column of Izz."""
+    truth = LOADER[1] - 0.2 * LOADER[2]
+    found, drawn = [], []
+    for seed in range(30):
+        A, f, noise = noisy(spin(-0.2), seed)
+        told = fit(A, f, planar.PARAMETERS, noise=noise)
+        assert told.identifiability.texts()[-1].startswith("inertia_z_kg_m2 - ")
+        assert abs(told.combination[-1] - truth) < 4 * told.combination_std[-1]
+        found.append(told.combination[-1])
+        plain = fit(A[..., [1, 5]], f, ["inertia_z_kg_m2", "friction_z_N_m_s"])
+        drawn.append(plain.theta[0])
+    assert np.mean(drawn) < 0.998 * truth
+    assert np.mean(found) == pytest.approx(truth, rel=0.001)
+
+
+def test_what_a_known_one_errs_by_is_passed_on_through_the_columns_without_their_noise():
+    A, f, noise = noisy(MOTIONS["joint"], 1)
+    friction = ("friction_z_N_m_s", 1500.0)
+    at, off = (
+        fit(A, f, planar.PARAMETERS, known={friction[0]: (friction[1] + d, 10.0)}, noise=noise)
+        for d in (0.0, 1.0)
+    )
+    i, j = AT["inertia_z_kg_m2"], AT["friction_z_N_m_s"]
+    # the weights of the axes move a little with the known one
+    assert off.theta[i] - at.theta[i] == pytest.approx(at.covariance[i, j] / 100.0, rel=0.05)
+
+
+def test_a_log_of_many_blocks_is_fitted_as_one_and_blocks_need_not_be_an_array(monkeypatch):
+    A, f, noise = noisy(MOTIONS["joint"], 2, mean=10)
+    segment_id = np.where(np.arange(1991) % 700 < 30, -1, np.arange(1991) // 700)
+    whole = fit(A, f, planar.PARAMETERS, segment_id, noise=noise)
+    monkeypatch.setattr(blocks, "BLOCK", 137)
+    channels = measured(MOTIONS["joint"], NOISE, np.random.default_rng(2), 10)
+    parts = fit(planar.Motion(**channels), f, planar.PARAMETERS, segment_id, noise=noise)
+    np.testing.assert_allclose(parts.theta, whole.theta, rtol=1e-10)
+    np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8)
+
+
+def test_a_long_log_is_never_held_as_one_regressor():
+    """Whose 96 bytes a sample, and copies of it, are gigabytes a shift."""
+    channels = {name: np.tile(x, 300) for name, x in MOTIONS["joint"].items()}
+    f = np.tile(forces(MOTIONS["joint"]), (300, 1)) + np.random.default_rng(1).normal(
+        size=(600_000, 2)
+    )
+    tracemalloc.start()
+    try:
+        found = fit(planar.Motion(**channels), f, planar.PARAMETERS)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_allclose(found.theta, LOADER, rtol=1e-3)
+    assert peak / 600_000 < 120.0
 
 
 def test_the_axes_are_weighted_by_their_noise():

@@ -147,8 +147,33 @@ def test_measured_with_noise_the_same_is_determined_when_the_noise_is_told(motio
     A = planar.regressor(**measured(MOTIONS[motion], sigma, generator, mean=10))
     assert identify(A, planar.PARAMETERS).rank == 6
     after_mean = {name: rms / np.sqrt(10.0) for name, rms in sigma.items()}
-    found = identify(A, planar.PARAMETERS, planar.column_noise(A, **after_mean))
+    turning = np.sqrt(np.mean(A[:, 1, planar.PARAMETERS.index("friction_z_N_m_s")] ** 2))
+    noise = np.sqrt(np.mean(planar.column_noise(turning, **after_mean) ** 2, axis=0))
+    found = identify(A, planar.PARAMETERS, noise)
     assert (found.rank, names(found)) == DETERMINED[motion]
+
+
+def test_what_is_determined_by_itself_has_its_own_row_however_noise_tilts_the_others():
+    sigma = dict(zip(MOTIONS["joint"], [0.01, 0.01, 0.005, 0.002, 0.02], strict=True))
+    noise = np.sqrt(np.mean(planar.column_noise(0.4, **sigma) ** 2, axis=0))
+    for seed in range(50):
+        generator = np.random.default_rng(seed)
+        A = planar.regressor(**measured(spin(-0.2), sigma, generator, mean=1))
+        found = identify(A, planar.PARAMETERS, noise)
+        assert set(np.flatnonzero(found.identifiable)) <= set(found.base)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_the_triangular_factor_of_a_regressor_says_the_same_as_the_regressor(motion):
+    A = planar.regressor(**MOTIONS[motion])
+    noise = np.full(6, 1e-3)
+    R = np.linalg.qr(A.reshape(-1, 6), mode="r")
+    for told in (None, noise):
+        whole = identify(A, planar.PARAMETERS, told)
+        factor = identify(R, planar.PARAMETERS, told, samples=A.shape[0] * 2)
+        assert factor.texts() == whole.texts()
+        assert names(factor) == names(whole)
+        assert factor.condition == pytest.approx(whole.condition)
 
 
 def test_a_log_without_motion_determines_nothing():

@@ -58,7 +58,7 @@ def test_a_segment_that_does_not_determine_its_parameters_is_nan_and_spoils_no_o
 
 def test_known_noise_of_the_columns_is_taken_off_and_half_of_that_is_uncertainty():
     """Noise in a column draws its parameter towards zero; n σ² less in AᵀA undoes it."""
-    n, noise = 20_000, (0.3, 0.0)
+    n, noise = 20_000, np.array([0.3, 0.0])
     generator = np.random.default_rng(5)
     clean = generator.normal(size=(n, 2))
     f = clean @ [100.0, 20.0] + generator.normal(size=n)
@@ -74,6 +74,6 @@ def test_known_noise_of_the_columns_is_taken_off_and_half_of_that_is_uncertainty
 
 def test_noise_that_is_larger_than_the_columns_leaves_no_number():
     A, f, segment_id = interleaved()
-    lost = pooled.trace(A, f, segment_id, pooled.PooledOptions((9.0, 9.0)))
+    lost = pooled.trace(A, f, segment_id, pooled.PooledOptions(np.array([9.0, 9.0])))
     assert np.isnan(lost.theta).all()
     assert np.isnan(lost.std).all()

@@ -1,0 +1,71 @@
+"""A simulated log of all manoeuvres: its inertia and centre of mass are the simulated machine's."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from replay import load_machine, open_log, run
+from replay.scenario import load_scenario
+from replay.simulate import simulate
+
+SCENARIO = Path(__file__).parents[2] / "examples" / "inertia.toml"
+DERIVED = "channels.yaw_acc_rad_s2.derive=d/dt yaw_rate_rad_s"
+SEEDS = range(1, 5)
+
+
+@pytest.fixture(scope="module")
+def replays(tmp_path_factory):
+    """Of each seed the truth, and what a replay of its log says."""
+    folder = tmp_path_factory.mktemp("inertia")
+    machine = load_machine("cat262c.toml", [DERIVED])
+    found = []
+    for seed in SEEDS:
+        scenario = load_scenario(SCENARIO, [f"sensors.seed={seed}"])
+        (path,) = simulate(scenario, folder / f"{seed}.mcap")
+        truth = json.loads(path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8"))
+        with open_log(path) as log:
+            found.append((truth["runs"][0], run(log, machine).frames))
+    return found
+
+
+def rows(frames):
+    """The estimates of an inertia or a centre of mass: column, its deviation's, row, by name."""
+    for row in frames["planar"].to_dicts():
+        yield f"{row['kind']} com_x", "com_x_m", "com_x_std_m", row
+        if row["kind"] == "joint":
+            yield "joint inertia", "inertia_z_kg_m2", "inertia_z_std_kg_m2", row
+            yield "joint mass", "mass_kg", "mass_std_kg", row
+    for row in frames["masses"].to_dicts():
+        if row["method"] != "rls":
+            yield row["method"], "inertia_z_kg_m2", "inertia_z_std_kg_m2", row
+
+
+def test_inertia_is_within_two_percent_and_the_centre_of_mass_within_five(replays):
+    for truth, frames in replays:
+        names = set()
+        for name, column, _, row in rows(frames):
+            names.add(name)
+            limit = 0.05 if column == "com_x_m" else 0.02
+            assert row[column] == pytest.approx(truth[column], rel=limit), name
+        assert {"arc com_x", "arcs com_x", "joint com_x", "joint inertia", "pooled"} <= names
+
+
+def test_the_lateral_centre_of_mass_and_the_frictions_come_from_all_motion(replays):
+    for truth, frames in replays:
+        row = frames["planar"].row(-1, named=True)
+        assert row["rank"] == 6
+        assert row["com_y_m"] == pytest.approx(truth["com_y_m"], rel=0.15)
+        assert row["friction_x_N_s_m"] == pytest.approx(truth["friction_N_s_m"], rel=0.02)
+        assert row["friction_z_N_m_s"] == pytest.approx(truth["friction_z_N_m_s"], rel=0.02)
+
+
+def test_nominal_95_percent_intervals_cover(replays):
+    inside = [
+        abs(row[column] - truth[column]) < 1.96 * row[deviation]
+        for truth, frames in replays
+        for _, column, deviation, row in rows(frames)
+    ]
+    assert len(inside) == 10 * len(SEEDS)
+    assert np.mean(inside) >= 0.9
