@@ -26,6 +26,8 @@ def fed(campaign: Campaign, how: str, settings: Settings) -> Campaign:
         how: what the estimators are fed.
         settings: the gate, which estimators, and how they forget.
     """
+    if how == "ungated":
+        settings = settings.model_copy(update={"exclude_braking": False})
     gated = gate(campaign.replayed.frames["excitation"], settings)
     if how != "gated":
         refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")

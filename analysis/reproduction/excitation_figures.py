@@ -54,7 +54,12 @@ def fig_3_item(campaign: Campaign) -> Item:
     """Mass and friction over time under the triangular force."""
     rate_hz = campaign.settings.rate_hz
     settings = campaign.settings.model_copy(
-        update={"window_samples": round(WINDOW_S * rate_hz), "methods": paper.METHODS}
+        update={
+            "window_samples": round(WINDOW_S * rate_hz),
+            "methods": paper.METHODS,
+            # the drive itself slows the machine down
+            "exclude_braking": False,
+        }
     )
     estimates = _driven(campaign, settings).replayed.frames
     truth = campaign.runs.row(0, named=True)
