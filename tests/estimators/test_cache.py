@@ -60,7 +60,23 @@ def test_a_change_in_any_source_has_its_own_place_also_in_a_child_process(source
     assert first.parent == sources / "__pycache__"
     assert place() == first
     (sources / "rolling.py").write_text("another")
-    assert place() != first
+    second = place()
+    assert second != first
+    readers = sources.parent / "replay/readers"
+    readers.mkdir(parents=True)
+    (readers / "walk.py").write_text("a third")
+    assert place() not in (first, second)
+
+
+def test_every_package_that_compiles_is_looked_at() -> None:
+    house = Path(cache.__file__).parent.parent
+    compiling = {
+        path.relative_to(house).parts[0]
+        for package in ("estimators", "analysis", "recordings", "replay")
+        for path in (house / package).rglob("*.py")
+        if "import compiled" in path.read_text() or "njit" in path.read_text()
+    }
+    assert compiling <= set(cache._COMPILED)
 
 
 @pytest.mark.usefixtures("nowhere")
