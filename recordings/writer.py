@@ -1,6 +1,7 @@
 """Write a run as a Rerun recording: whole, verified, or not at all."""
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from uuid import uuid4
@@ -18,10 +19,15 @@ from recordings.table import ROW, SINCE_START, TIME
 from recordings.texts import recording_name, texts
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pyarrow as pa
     from rerun import RecordingStream
 
 _ROWS_A_CHUNK: Final = 16_384
 _CHUNKS_A_FLUSH: Final = 10
+#: So long may the file stand still before it counts as stuck.
+_PATIENCE_S: Final = 10.0
 APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"
 
@@ -44,12 +50,12 @@ def write_recording(
 
     Raises:
         OutputError: it does not end in .rrd, the file exists, its folder is missing or refuses the
-            file, a column cannot be stored, or what was read back differs.
+            file, the disk is full, a column cannot be stored, or what was read back differs.
     """
     path = Path(path)
     check_recording(path, force=force)
     with whole_file(path, force=force) as partial:
-        _write(run, partial, viewer)
+        _write(run, partial, path, viewer)
         _verify(run, partial, path)
     return path
 
@@ -65,7 +71,9 @@ def check_recording(path: Path, *, force: bool) -> None:
     check_output(path, force=force)
 
 
-def _write(run: Run, partial: Path, viewer: str | None) -> None:
+def _write(run: Run, partial: Path, path: Path, viewer: str | None) -> None:
+    # what Rerun would log of a full disk is said in our own line
+    os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
     stored = [(StoredFrame.of(name, frame), frame) for name, frame in run.frames.items()]
@@ -75,33 +83,52 @@ def _write(run: Run, partial: Path, viewer: str | None) -> None:
         manifest=Manifest(frames=tuple(each for each, _ in stored)).model_dump_json(),
         provenance=json.dumps(run.provenance.model_dump(mode="json")),
     )
-    with rr.RecordingStream(APPLICATION, recording_id=uuid4()) as recording:
-        watching = [rr.GrpcSink(viewer)] if viewer else []
-        recording.set_sinks(rr.FileSink(partial), *watching)
-        recording.send_blueprint(blueprint(run, shown), make_active=True, make_default=True)
-        recording.send_property(PROPERTY, description)
-        recording.send_recording_name(recording_name(run.provenance))
-        recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
-        for name, text in texts(run).items():
-            document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-            recording.log(text_entity(name), document, static=True)
-        recording.flush()  # what describes the frames comes first, or a cut file is past help
-        drawn = [(StoredFrame.of(name, frame), frame) for name, frame in shown.items()]
-        for each, frame in (*drawn, *stored):
-            _send(recording, each, frame, run.provenance.t0_unix_ns)
-        recording.flush()
-        recording.disconnect()
+    recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
+    watching = [rr.GrpcSink(viewer)] if viewer else []
+    recording.set_sinks(rr.FileSink(partial), *watching)
+    recording.send_blueprint(blueprint(run, shown), make_active=True, make_default=True)
+    recording.send_property(PROPERTY, description)
+    recording.send_recording_name(recording_name(run.provenance))
+    recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
+    for name, text in texts(run).items():
+        document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        recording.log(text_entity(name), document, static=True)
+    _settle(recording, partial, path)  # what describes the frames first, or a cut file is past help
+    drawn = [(StoredFrame.of(name, frame), frame) for name, frame in shown.items()]
+    for each, frame in (*drawn, *stored):
+        for number, batch in enumerate(_batches(each, frame, run.provenance.t0_unix_ns), start=1):
+            index = [ROW] if each.rows_by == ROW else [TIME, SINCE_START]
+            recording.send_record_batch(batch, index=index)
+            if number % _CHUNKS_A_FLUSH == 0:  # or the queue of chunks grows to the whole frame
+                _settle(recording, partial, path)
+    _settle(recording, partial, path)
+    recording.disconnect()
 
 
-def _send(
-    recording: "RecordingStream", stored: StoredFrame, frame: pl.DataFrame, t0_ns: int
-) -> None:
-    index = [ROW] if stored.rows_by == ROW else [TIME, SINCE_START]
-    for number, part in enumerate(frame.iter_slices(_ROWS_A_CHUNK), start=1):
-        batch = stored.to_batch(part, (number - 1) * _ROWS_A_CHUNK, t0_ns)
-        recording.send_record_batch(batch, index=index)
-        if number % _CHUNKS_A_FLUSH == 0:  # or the queue of chunks grows to the whole frame
-            recording.flush()
+def _settle(recording: "RecordingStream", partial: Path, path: Path) -> None:
+    """Wait until what was sent is in the file, as long as the file grows.
+
+    A full disk ends Rerun's writing thread, and to wait for that without a limit is to wait for
+    ever.
+    """
+    size = -1
+    while True:
+        try:
+            recording.flush(timeout_sec=_PATIENCE_S)
+        except RuntimeError as error:
+            grown = partial.stat().st_size if partial.exists() else 0
+            if grown == size:
+                raise OutputError(
+                    f"{path}: cannot be written beyond {grown} bytes; is the disk full?"
+                ) from error
+            size = grown
+        else:
+            return
+
+
+def _batches(stored: StoredFrame, frame: pl.DataFrame, t0_ns: int) -> "Iterator[pa.RecordBatch]":
+    for number, part in enumerate(frame.iter_slices(_ROWS_A_CHUNK)):
+        yield stored.to_batch(part, number * _ROWS_A_CHUNK, t0_ns)
 
 
 def _verify(run: Run, partial: Path, path: Path) -> None:

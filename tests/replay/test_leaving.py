@@ -51,6 +51,31 @@ def test_a_full_disk_behind_stdout_is_one_line(recording: Path, words: list[str]
     assert left.stderr == "payscope: stdout: No space left on device\n"
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
+def test_a_disk_that_fills_up_under_a_recording_is_one_line_and_leaves_nothing(
+    log: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    """A limit on the size of files makes the write fail as a full disk does."""
+    out = tmp_path / "full" / "out.rrd"
+    out.parent.mkdir()
+    limited = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)); "
+        "from replay.cli import main; main()"
+    )
+    left = subprocess.run(
+        [sys.executable, "-c", limited, "run", log, "-m", machine_file, "-o", out],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert left.returncode == 2
+    assert left.stderr == (
+        f"payscope: {out}: cannot be written beyond 100000 bytes; is the disk full?\n"
+    )
+    assert list(out.parent.iterdir()) == []
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: signal.Signals) -> None:
     folder = tmp_path / "demo"
