@@ -38,6 +38,7 @@ def rows(frames):
             yield "joint inertia", "inertia_z_kg_m2", "inertia_z_std_kg_m2", row
             yield "joint mass", "mass_kg", "mass_std_kg", row
     for row in frames["masses"].to_dicts():
+        # the last state of a recursion weighs the last spins alone: ± 1.5 %, beyond 2 % at times
         if row["method"] != "rls":
             yield row["method"], "inertia_z_kg_m2", "inertia_z_std_kg_m2", row
 
