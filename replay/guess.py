@@ -152,7 +152,9 @@ def _joints(log: Log, topic: str, start_ns: int) -> Iterator[Guess]:
 
 
 def _first(log: Log, topic: str, fields: list[str], start_ns: int) -> tuple[Any, ...]:
-    """Fields of a topic's first message, in this order; nothing where it cannot be read."""
+    """Fields of a topic's first message, in this order; none where there are none to read."""
+    if not fields:
+        return ()
     first = log.read(topic, fields, end_ns=start_ns).head(1)
     return first.select(fields).row(0) if first.height else ()
 

@@ -147,6 +147,17 @@ class TestInit:
         channels = tomllib.loads(made.read_text())["channels"]
         assert channels.keys() == {"torque_left_N_m", "torque_right_N_m"}
 
+    def test_joints_that_are_of_no_side_are_left_to_choose_from(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        log, made = tmp_path / "arm.mcap", tmp_path / "made.toml"
+        write_mcap(log, [Joints(k, {"boom": 1.0, "bucket": 2.0}, "/arm") for k in range(1, 4)])
+        said = payscope("init", log, "-o", made)
+        assert said.status == 0
+        assert "still missing: a force" in said.err
+        assert "channels" not in tomllib.loads(made.read_text())
+        assert "/arm" in made.read_text()
+
     def test_the_simulated_machine_runs_from_its_first_machine_file_and_what_only_a_person_knows(
         self, payscope: Payscope, tmp_path: Path
     ) -> None:
