@@ -1,5 +1,6 @@
 """`payscope sweep`: Tables 3 and 4 on any log."""
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -57,6 +58,8 @@ def command(
 
     if as_json and output_format not in (None, Format.json):
         raise typer.BadParameter("--json and --format differ; give one of them")
+    if reference_kg is not None and not 0.0 < reference_kg < math.inf:
+        raise typer.BadParameter(f"--reference {reference_kg:g}: give a mass in kg, above 0")
     wanted = Format.json if as_json else output_format
     print_sweep(
         logs,

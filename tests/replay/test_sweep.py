@@ -143,6 +143,14 @@ class TestWrongInput:
         )
         one_line(said, "no.bag", "no such")
 
+    @pytest.mark.parametrize("mass", ["nan", "inf", "-1", "0"])
+    def test_a_reference_that_is_no_mass(
+        self, payscope: Payscope, log: Path, machine_file: Path, mass: str
+    ) -> None:
+        over = ["--over", "settings.threshold_nat=0.7"]
+        said = payscope("sweep", log, "-m", machine_file, *over, f"--reference={mass}")
+        one_line(said, f"--reference {mass}", "above 0")
+
     def test_two_formats(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
         said = payscope(
             "sweep", log, "-m", machine_file, "--over", "settings.rate_hz=50", "--json",
