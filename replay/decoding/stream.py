@@ -8,13 +8,14 @@ import polars as pl
 from replay.decoding.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.decoding.decoder import Decoder, Tally
 from replay.decoding.gather import runs
+from replay.decoding.in_order import joined_frames, sorted_batch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
 _FEW_ROWS: Final = 2048
 
 
 class Stream:
-    """The batches of one topic on their way through its decoder, in the order of the messages."""
+    """The batches of one topic on their way through its decoder, into the order of log times."""
 
     def __init__(self, decoder: Decoder, schema: pl.Schema) -> None:
         self.tally = Tally()
@@ -40,7 +41,7 @@ class Stream:
     def finish(self) -> pl.DataFrame:
         """Everything that was taken."""
         self._decode_few()
-        frame = pl.concat(self._frames, rechunk=False)
+        frame = joined_frames(self._frames)
         self._frames.clear()
         return frame
 
@@ -50,7 +51,7 @@ class Stream:
             self._few, self._rows, self._bytes = [], 0, 0
 
     def _decode(self, batch: RawBatch) -> None:
-        decoded = self._decoder.decode(batch)
+        decoded = self._decoder.decode(sorted_batch(batch))
         self.tally.rows += decoded.frame.height
         self.tally.undecodable += decoded.undecodable
         self.tally.first_fault = self.tally.first_fault or decoded.first_fault

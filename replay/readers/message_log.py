@@ -115,9 +115,7 @@ class MessageLog:
     def _finish(self, topic: str, stream: "Stream") -> pl.DataFrame:
         frame = stream.finish()
         self._judge(topic, stream.tally)
-        if frame["log_time_ns"].is_sorted():
-            return frame
-        return frame.sort("log_time_ns", maintain_order=True)
+        return frame
 
     def _resolve(self, topic: str, fields: Sequence[str], kind: MessageType) -> list[Field]:
         try:
