@@ -44,7 +44,7 @@ class RawBatch:
         """How many messages."""
         return self.offsets.size
 
-    def select(self, chosen: NDArray[np.bool_] | slice) -> "RawBatch":
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp] | slice) -> "RawBatch":
         """Some of the messages."""
         return RawBatch(
             self.connection_id,

@@ -4,15 +4,22 @@ On the way a field is at elements of a node or, inside something of a fixed size
 the data. -1 stands for one that a message does not have, whose value is null.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
-import polars as pl
-import pyarrow as pa
 from numpy.typing import NDArray
 
-from replay.decoding.gather import find, number_runs, numbers, runs, stamps
+from replay.decoding.arrays import (
+    ELEMENT_TYPES,
+    Array,
+    of_elements,
+    of_lists,
+    of_strings,
+    of_values,
+)
+from replay.decoding.gather import LOADS, find, number_runs, values, views
 from replay.decoding.located import (
     InBlock,
     Inline,
@@ -25,11 +32,13 @@ from replay.decoding.located import (
     Text,
     Walked,
 )
+from replay.decoding.together import Together
 from replay.decoding.wire import WIDTHS
-from replay.readers.fields import ALL, Field
+from replay.readers.fields import ALL, Field, Step
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
+_ZERO: Final = np.zeros(1, np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,11 +68,24 @@ class Columns:
     data: Bytes
     swap: bool
     root: Nested
+    #: what was noted, one mark behind the other
+    marks: Ints
+    #: (marks,) where each begins in `marks`
+    bases: Ints
     #: by mark: what was noted for each element of its node
     noted: tuple[Ints, ...]
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
-    def column(self, wanted: Field) -> pl.Series:
+    def together(self, fields: Together, rows: int) -> Iterator[tuple[tuple[Step, ...], Array]]:
+        """The values of several fields, each by its steps."""
+        bases = self.bases[fields.marks]
+        gathered = values(
+            self.data, self.marks, bases, fields.offsets, fields.loads, rows, swap=self.swap
+        )
+        for steps, kind, column in zip(fields.steps, fields.kinds, gathered, strict=True):
+            yield steps, of_values(column, kind)
+
+    def column(self, wanted: Field) -> Array:
         """The values of a field, one for every whole message."""
         place: _Place = _Elements(self.root, None)
         spreads: list[Ints] = []
@@ -75,13 +97,16 @@ class Columns:
                 counts = self._counts(place)
                 spreads.append(counts)
                 if step is wanted.steps[-1] and _is_run(place):
-                    return self._wrapped(self._run(place, counts), spreads, wanted)
+                    return _wrapped(self._run(place, counts), spreads)
                 place = self._spread(place, counts)
             elif isinstance(step.element, int):
                 place = self._pick(place, step.element)
             else:
                 place = self._pick(place, self._by_name(above, step.element))
-        return self._wrapped(self._values(place), spreads, wanted)
+        found = self._values(place)
+        if spreads and wanted.kind in ELEMENT_TYPES:
+            found = found.cast(ELEMENT_TYPES[wanted.kind], safe=False)
+        return _wrapped(found, spreads)
 
     def _child(self, place: _Place, name: str) -> _Place:
         if isinstance(place, _Positions):
@@ -174,7 +199,7 @@ class Columns:
         found = self._found[names.mark, name]
         return found if place.chosen is None else np.append(found, -1)[place.chosen]
 
-    def _run(self, place: _Place, counts: Ints) -> pl.Series:
+    def _run(self, place: _Place, counts: Ints) -> Array:
         """The elements of lists of numbers, which follow one another in the data."""
         counts = np.maximum(counts, 0)
         if isinstance(place, _Positions):
@@ -187,33 +212,22 @@ class Columns:
             starts = self._noted(array.mark, place.chosen)
         assert isinstance(array.element, Inline)
         kind = array.element.kind
-        return pl.Series(number_runs(self.data, starts, counts, kind, swap=self.swap))
+        return of_elements(number_runs(self.data, starts, counts, kind, swap=self.swap), kind)
 
-    def _values(self, place: _Place) -> pl.Series:
+    def _values(self, place: _Place) -> Array:
         if isinstance(place, _Elements):
             assert isinstance(place.located, Text)
             starts = self._noted(place.located.mark, place.chosen)
             sizes = self._noted(place.located.mark + 1, place.chosen, absent=0)
-            text = runs(self.data, starts, sizes)
-            return _nulled(_strings(text, sizes), starts < 0)
+            return of_strings(*views(self.data, starts, sizes), absent=starts < 0)
         value = place.value
         assert isinstance(value, Inline)
-        offset = place.offset + value.offset
-        if value.kind == "stamp":
-            values = stamps(self.data, place.at, offset, swap=self.swap)
-        else:
-            values = numbers(self.data, place.at, offset, value.kind, swap=self.swap)
-        return _nulled(pl.Series(values), place.at < 0)
-
-    def _wrapped(self, values: pl.Series, spreads: list[Ints], wanted: Field) -> pl.Series:
-        for counts in reversed(spreads):
-            ends = np.cumsum(np.maximum(counts, 0))
-            lists: Any = pa.LargeListArray.from_arrays(
-                pa.array(np.append(0, ends)), values.to_arrow()
-            )
-            values = _nulled(pl.Series(lists), counts < 0)
-        typed = values if values.dtype == wanted.dtype else values.cast(wanted.dtype)
-        return typed.alias(wanted.name)
+        offset, load = place.offset + value.offset, LOADS[value.kind]
+        (bits,) = values(
+            self.data, place.at, _ZERO, np.array([offset]), np.array([load]), place.at.size,
+            swap=self.swap,
+        )  # fmt: skip
+        return of_values(bits, value.kind, absent=place.at < 0)
 
 
 def _is_run(place: _Place) -> bool:
@@ -225,14 +239,8 @@ def _is_run(place: _Place) -> bool:
     )
 
 
-def _strings(text: Bytes, sizes: Ints) -> pl.Series:
-    ends = np.append(0, np.cumsum(sizes))
-    buffers = (pa.py_buffer(ends), pa.py_buffer(text))
-    strings: Any = pa.LargeStringArray.from_buffers(sizes.size, *buffers)
-    return pl.Series(strings)
-
-
-def _nulled(values: pl.Series, absent: NDArray[np.bool_]) -> pl.Series:
-    if not absent.any():
-        return values
-    return values.zip_with(pl.Series(~absent), pl.Series([None], dtype=values.dtype))
+def _wrapped(found: Array, spreads: list[Ints]) -> Array:
+    """Values in the lists that they are elements of, from the inside out."""
+    for counts in reversed(spreads):
+        found = of_lists(counts, found)
+    return found

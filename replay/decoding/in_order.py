@@ -19,14 +19,7 @@ def sorted_batch(batch: RawBatch) -> RawBatch:
     times = batch.log_times
     if (times[1:] >= times[:-1]).all():
         return batch
-    order = np.argsort(times, kind="stable")
-    return RawBatch(
-        batch.connection_id,
-        batch.data,
-        batch.offsets[order],
-        batch.lengths[order],
-        times[order],
-    )
+    return batch.select(np.argsort(times, kind="stable"))
 
 
 def joined_frames(frames: Iterable[pl.DataFrame]) -> pl.DataFrame:

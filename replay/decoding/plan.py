@@ -2,18 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
+import pyarrow as pa
 from numpy.typing import NDArray
 
+from replay.decoding.arrays import of_times
 from replay.decoding.batch import RawBatch
 from replay.decoding.decoder import Decoded, schema_of
-from replay.decoding.program import Wanted, compile_program
+from replay.decoding.program import Program, Wanted, compile_program
+from replay.decoding.together import Together, gathered_together
 from replay.decoding.walked import walk_batch
 from replay.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
-from replay.readers.fields import ALL, Field, resolve
+from replay.readers.fields import ALL, OWN_COLUMNS, Field, resolve
 from replay.readers.message_types import Record
 
 #: What stands in the place of an encapsulation that a message is too short for.
@@ -22,10 +25,10 @@ _NONE: Final = -1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """What came of the messages of one encapsulation, by their places in the batch."""
+    """What came of the messages of one encapsulation, by their places among them."""
 
     frame: pl.DataFrame
-    rows: NDArray[np.int64]
+    whole: NDArray[np.int64]
     faulty: NDArray[np.int64]
     first_fault: str
 
@@ -47,49 +50,69 @@ class Plan:
         #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
         self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
         self._programs = {
-            wire: compile_program(record, wanted, wire)
-            for wire in dict.fromkeys(self._wires.values())
+            wire: self._compile(record, wanted, wire) for wire in dict.fromkeys(self._wires.values())
         }
+        self._names = (*OWN_COLUMNS, *(field.name for field in self._fields))
+
+    def _compile(self, record: Record, wanted: Wanted, wire: Wire) -> tuple[Program, Together]:
+        program = compile_program(record, wanted, wire)
+        return program, gathered_together(program.root, self._asked)
+
+    @property
+    def _asked(self) -> tuple[Field, ...]:
+        """The fields, and the header stamp that every frame has."""
+        return self._fields if self._stamp is None else (self._stamp, *self._fields)
 
     def decode(self, batch: RawBatch) -> Decoded:
         """Decode messages at once; one that is not whole costs its row."""
         kinds = np.zeros(batch.rows, np.int64) if self._ros1 else _encapsulations(batch)
+        if batch.rows and (kinds[0] == kinds).all() and int(kinds[0]) in self._wires:
+            part = self._part(batch, int(kinds[0]))
+            return Decoded(part.frame, part.faulty.size, part.first_fault)
+        return self._mixed(batch, kinds)
+
+    def _mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> Decoded:
+        """Decode messages of several encapsulations, or of none that is known."""
+        chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [
-            self._part(batch, np.flatnonzero(kinds == kind), kind)
-            for kind in self._wires
-            if kind in kinds
+            (at, self._part(batch.select(at), kind))
+            for kind, at in zip(self._wires, chosen, strict=True)
+            if at.size
         ]
-        frames = [part.frame for part in parts] or [pl.DataFrame(schema=schema_of(self._fields))]
-        if len(frames) > 1:
-            # back into the order of the batch
-            order = np.argsort(np.concatenate([part.rows for part in parts]))
-            frames = [pl.concat(frames)[order]]
+        frames = [pl.DataFrame(schema=schema_of(self._fields)), *(part.frame for _, part in parts)]
+        # back into the order of the batch
+        rows = [at[part.whole] for at, part in parts]
+        order = np.argsort(np.concatenate([np.empty(0, np.int64), *rows]))
+        faults = [(at[part.faulty], part.first_fault) for at, part in parts if part.faulty.size]
         unknown = np.flatnonzero(~np.isin(kinds, list(self._wires)))
-        faults = [(part.faulty, part.first_fault) for part in parts if part.faulty.size]
         if unknown.size:
             faults.append((unknown, _why_not(int(kinds[unknown[0]]))))
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
-        return Decoded(frames[0], sum(rows.size for rows, _ in faults), first_fault)
+        return Decoded(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
-    def _part(self, batch: RawBatch, rows: NDArray[np.int64], kind: int) -> _Part:
-        """Decode the messages of one encapsulation."""
+    def _part(self, batch: RawBatch, kind: int) -> _Part:
+        """Decode messages of one encapsulation."""
         wire = self._wires[kind]
+        program, fixed = self._programs[wire]
         walked = walk_batch(
-            self._programs[wire],
+            program,
             batch.data,
-            batch.offsets[rows] + wire.head,
-            batch.lengths[rows] - wire.head,
+            batch.offsets + wire.head,
+            batch.lengths - wire.head,
             swap=wire.cdr and kind % 2 == 0,
         )
         whole = walked.whole
-        log_times = pl.Series("log_time_ns", batch.log_times[rows[whole]])
-        if self._stamp is None:
-            stamps = pl.repeat(None, log_times.len(), dtype=pl.Int64, eager=True)
-        else:
-            stamps = walked.columns.column(self._stamp)
-        fields = map(walked.columns.column, self._fields)
-        frame = pl.DataFrame([log_times, stamps.alias("header_stamp_ns"), *fields])
-        return _Part(frame, rows[whole], rows[~whole], walked.first_fault)
+        log_times = batch.log_times if whole.all() else batch.log_times[whole]
+        found = dict(walked.columns.together(fixed, log_times.size))
+        for field in self._asked:
+            if field.steps not in found:
+                found[field.steps] = walked.columns.column(field)
+        stamps: Any = pa.nulls(log_times.size, pa.int64())
+        if self._stamp is not None:
+            stamps = found[self._stamp.steps]
+        columns: Any = [of_times(log_times), stamps, *(found[f.steps] for f in self._fields)]
+        batch_of: Any = pa.RecordBatch.from_arrays(columns, names=list(self._names))
+        return _Part(pl.DataFrame(batch_of), np.flatnonzero(whole), np.flatnonzero(~whole), walked.first_fault)
 
 
 def _want(wanted: Wanted, field: Field) -> None:

@@ -64,7 +64,7 @@ def walk_batch(
     first = int(np.argmax(faults != 0)) if faults.size else 0
     fault = FAULTS[faults[first]] if faults.size else ""
     return WalkedBatch(
-        Columns(data, swap, program.root, noted),
+        Columns(data, swap, program.root, marks, bases, noted),
         faults == 0,
         f"{fault} (at its byte {places[first] + wire.head})" if fault else "",
     )

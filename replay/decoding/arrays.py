@@ -1,0 +1,81 @@
+"""Arrow arrays around gathered memory, which is not copied again."""
+
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+#: pyarrow ships no types.
+Array: TypeAlias = Any
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+_INT64: Final[Any] = pa.int64()
+#: What 64 gathered bits are, by kind; all others are integers with a sign.
+_TYPES: Final[dict[str, Any]] = {
+    "float32": pa.float64(),
+    "float64": pa.float64(),
+    "uint64": pa.uint64(),
+}
+#: What elements of lists are, which keep their size.
+ELEMENT_TYPES: Final[dict[str, Any]] = {
+    "byte": pa.int8(),
+    "char": pa.uint8(),
+    **{f"int{size}": getattr(pa, f"int{size}")() for size in (8, 16, 32, 64)},
+    **{f"uint{size}": getattr(pa, f"uint{size}")() for size in (8, 16, 32, 64)},
+    "float32": pa.float32(),
+    "float64": pa.float64(),
+    "stamp": _INT64,
+}
+
+
+def of_values(bits: NDArray[np.uint64], kind: str, absent: Flags | None = None) -> Array:
+    """Single values (n,) as they are gathered; null where they are absent."""
+    if kind == "bool":
+        return pa.array(bits != 0, mask=absent)
+    validity = _validity(absent)
+    return pa.Array.from_buffers(
+        _TYPES.get(kind, _INT64), bits.size, [validity, pa.py_buffer(bits)]
+    )
+
+
+def of_elements(numbers: NDArray[Any], kind: str) -> Array:
+    """Elements of lists (n,), of their own size."""
+    if kind == "bool":
+        return pa.array(numbers != 0)
+    return pa.Array.from_buffers(
+        ELEMENT_TYPES[kind], numbers.size, [None, pa.py_buffer(numbers)]
+    )
+
+
+def of_times(times: Ints) -> Array:
+    """Times (n,) in ns."""
+    return pa.Array.from_buffers(_INT64, times.size, [None, pa.py_buffer(times)])
+
+
+def of_strings(
+    views: NDArray[np.uint32], text: NDArray[np.uint8], absent: Flags | None = None
+) -> Array:
+    """Strings (n,) from their views (n, 4) and the text of the long ones."""
+    buffers = [_validity(absent), pa.py_buffer(views), *([pa.py_buffer(text)] if text.size else [])]
+    return pa.Array.from_buffers(pa.string_view(), len(views), buffers)
+
+
+def of_lists(counts: Ints, elements: Array) -> Array:
+    """Lists of so many elements each (n,), null where there are -1."""
+    ends = np.zeros(counts.size + 1, np.int64)
+    absent = counts < 0
+    np.cumsum(np.maximum(counts, 0), out=ends[1:])
+    return pa.Array.from_buffers(
+        pa.large_list(elements.type),
+        counts.size,
+        [_validity(absent), pa.py_buffer(ends)],
+        children=[elements],
+    )
+
+
+def _validity(absent: Flags | None) -> Any:
+    if absent is None or not absent.any():
+        return None
+    return pa.py_buffer(np.packbits(~absent, bitorder="little"))
