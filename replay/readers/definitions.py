@@ -5,6 +5,8 @@ types, which rosbag2 stores as the service) costs its topic and not the log.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
 from textwrap import shorten
 from typing import Any, Final
 
@@ -68,6 +70,12 @@ def compile_type(connection: Connection) -> MessageType:
     Raises:
         DefinitionError: its encoding has no decoder, or its definition cannot be used.
     """
+    return _compiled(replace(connection, id=0, topic=""))
+
+
+#: The logs of a fleet have the same types, and parsing takes milliseconds each.
+@lru_cache(maxsize=256)
+def _compiled(connection: Connection) -> MessageType:
     formats = _DECODABLE.get(connection.encoding)
     if formats is None or connection.definition_format not in formats:
         kind = connection.definition_format or "no"

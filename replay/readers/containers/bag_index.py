@@ -15,10 +15,14 @@ from replay.readers.containers.bag_records import (
     read_record,
 )
 from replay.readers.containers.block import Block
-from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.file_bytes import FileBytes, Window
 
 #: seconds, nanoseconds, offset in the chunk
 _ENTRY: Final = np.dtype([("s", "<u4"), ("ns", "<u4"), ("offset", "<u4")])
+#: What the header of a record takes, a little more than recorders write.
+_HEADER_BYTES: Final = 256
+#: What is read of an index at once; a larger one goes on record by record.
+_MOST_INDEX_BYTES: Final = 64 * 2**20
 _COUNT: Final = np.dtype([("connection", "<u4"), ("messages", "<u4")])
 
 
@@ -37,11 +41,12 @@ def read_index(file: FileBytes, offset: int, connections: int, chunks: int) -> B
     described: list[tuple[Record, bytes]] = []
     counts: dict[int, dict[int, int]] = {}
     at = offset
+    window = Window(file, offset, min(file.size - offset, _MOST_INDEX_BYTES))
     while at < file.size:
-        record = read_record(file, at)
+        record = read_record(window, at)
         if record is None or record.end > file.size:
             return None
-        data = file.read(record.data_offset, record.data_bytes)
+        data = window.read(record.data_offset, record.data_bytes)
         if record.op == CONNECTION:
             described.append((record, data))
         elif record.op == CHUNK_INFO and b"chunk_pos" in record.fields and len(data) % 8 == 0:
@@ -86,11 +91,13 @@ def indexed_times(
     """Log times in ns by connection, from the records behind a chunk; None unless all are there."""
     times: dict[int, NDArray[np.int64]] = {}
     at = block.offset + block.stored_bytes
+    expected = _ENTRY.itemsize * sum(counts.values()) + _HEADER_BYTES * (len(counts) + 1)
+    window = Window(file, at, min(expected, _MOST_INDEX_BYTES))
     for _ in counts:
-        record = read_record(file, at)
+        record = read_record(window, at)
         if record is None or record.op != INDEX_DATA or b"conn" not in record.fields:
             return None
-        data = file.read(record.data_offset, record.data_bytes)
+        data = window.read(record.data_offset, record.data_bytes)
         if len(data) % _ENTRY.itemsize:
             return None
         entries = np.frombuffer(data, _ENTRY)

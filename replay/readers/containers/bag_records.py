@@ -8,7 +8,7 @@ The fields come in any order; `op` says what a record is.
 import struct
 from typing import Final, NamedTuple
 
-from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.file_bytes import FileBytes, Window
 
 MAGIC: Final = b"#ROSBAG V"
 VERSION: Final = b"2.0\n"
@@ -68,7 +68,7 @@ def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
     return fields
 
 
-def read_record(file: FileBytes, offset: int) -> Record | None:
+def read_record(file: FileBytes | Window, offset: int) -> Record | None:
     """The record at `offset`; None where there is none. Its data may reach beyond the file."""
     head = file.read(offset, 256)
     if len(head) < 4:

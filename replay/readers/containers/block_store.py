@@ -61,14 +61,16 @@ class BlockStore:
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
-        self._blocks.append(_described(block, times))
-        for key, values in times.items():
-            self._late[key] = self._late.get(key, 0) + int(np.count_nonzero(values < 0))
-            self._times.setdefault(key, []).append(values[values >= 0])
+        usable = {key: _usable(values) for key, values in times.items()}
+        self._blocks.append(_described(block, usable))
+        for key, values in usable.items():
+            self._late[key] = self._late.get(key, 0) + times[key].size - values.size
+            self._times.setdefault(key, []).append(values)
 
     def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
         """Note that a block, whose messages are known, cannot be read."""
-        self.damage.lose(_described(block, times), why)
+        usable = {key: _usable(values) for key, values in times.items()}
+        self.damage.lose(_described(block, usable), why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
         """Add blocks that no index describes: they are unpacked to see what they hold."""
@@ -150,12 +152,16 @@ class BlockStore:
             )
 
 
+def _usable(times: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Without those beyond the year 2262, whose 64 bits are a negative number here."""
+    return times if not times.size or times.min() >= 0 else times[times >= 0]
+
+
 def _described(block: Block, times: Mapping[int, NDArray[np.int64]]) -> Block:
-    on_time = [values[values >= 0] for values in times.values()]
-    filled = [values for values in on_time if values.size]
+    filled = {key: values for key, values in times.items() if values.size}
     return replace(
         block,
-        counts={key: values.size for key, values in times.items() if values.size},
-        first_ns=min((int(values.min()) for values in filled), default=0),
-        last_ns=max((int(values.max()) for values in filled), default=-1),
+        counts={key: values.size for key, values in filled.items()},
+        first_ns=min((int(values.min()) for values in filled.values()), default=0),
+        last_ns=max((int(values.max()) for values in filled.values()), default=-1),
     )

@@ -42,3 +42,20 @@ class FileBytes:
     def close(self) -> None:
         """Release the file."""
         self._file.close()
+
+
+class Window:
+    """A stretch of a file in memory, for many small reads in it; others go to the file."""
+
+    def __init__(self, file: FileBytes, offset: int, count: int) -> None:
+        self.size = file.size
+        self._file = file
+        self._offset = offset
+        self._data = file.read(offset, count)
+
+    def read(self, offset: int, count: int) -> bytes:
+        """As `FileBytes.read`."""
+        at = offset - self._offset
+        if 0 <= at <= len(self._data) - count:
+            return self._data[at : at + count]
+        return self._file.read(offset, count)
