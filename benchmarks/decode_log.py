@@ -54,6 +54,7 @@ _STRAGGLER: Final = 500
 _BEGIN_S: Final = 1_700_000_000
 _STEPS_HZ: Final = 100
 
+
 @cache
 def store(*, ros1: bool) -> Typestore:
     """The types, with the loader's own."""

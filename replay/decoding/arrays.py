@@ -44,9 +44,7 @@ def of_elements(numbers: NDArray[Any], kind: str) -> Array:
     """Elements of lists (n,), of their own size."""
     if kind == "bool":
         return pa.array(numbers != 0)
-    return pa.Array.from_buffers(
-        ELEMENT_TYPES[kind], numbers.size, [None, pa.py_buffer(numbers)]
-    )
+    return pa.Array.from_buffers(ELEMENT_TYPES[kind], numbers.size, [None, pa.py_buffer(numbers)])
 
 
 def of_times(times: Ints) -> Array:

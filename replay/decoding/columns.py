@@ -19,7 +19,7 @@ from replay.decoding.arrays import (
     of_strings,
     of_values,
 )
-from replay.decoding.gather import LOADS, find, number_runs, values, views
+from replay.decoding.gather import DTYPES, Source, find, numbers, runs, values, views
 from replay.decoding.located import (
     InBlock,
     Inline,
@@ -32,13 +32,13 @@ from replay.decoding.located import (
     Text,
     Walked,
 )
+from replay.decoding.one_pass import Gathered
 from replay.decoding.together import Together
 from replay.decoding.wire import WIDTHS
-from replay.readers.fields import ALL, Field, Step
+from replay.readers.fields import ALL, Field
 
-Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
-_ZERO: Final = np.zeros(1, np.int64)
+_NO_TEXT: Final = np.empty(0, np.uint8)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,25 +65,35 @@ _Place: TypeAlias = _Elements | _Positions
 class Columns:
     """A walked batch, ready to give columns."""
 
-    data: Bytes
+    source: Source
     swap: bool
     root: Nested
-    #: what was noted, one mark behind the other
-    marks: Ints
-    #: (marks,) where each begins in `marks`
-    bases: Ints
     #: by mark: what was noted for each element of its node
     noted: tuple[Ints, ...]
+    #: whole messages
+    rows: int
+    together: Together
+    gathered: Gathered
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
-    def together(self, fields: Together, rows: int) -> Iterator[tuple[tuple[Step, ...], Array]]:
-        """The values of several fields, each by its steps."""
-        bases = self.bases[fields.marks]
-        gathered = values(
-            self.data, self.marks, bases, fields.offsets, fields.loads, rows, swap=self.swap
-        )
-        for steps, kind, column in zip(fields.steps, fields.kinds, gathered, strict=True):
-            yield steps, of_values(column, kind)
+    def gathered_on_the_way(self) -> Iterator[Array]:
+        """Fields that the pass gathered, in the order of `Together.steps`."""
+        together, gathered = self.together, self.gathered
+        rows, room = self.rows, gathered.values.shape[1]
+        for (_, kind), bits in zip(together.values, gathered.values, strict=True):
+            yield of_values(bits[:rows], kind)
+        above = 0
+        sizes = together.gathering.array_bytes.tolist()
+        for (_, kind, length), size in zip(together.arrays, sizes, strict=True):
+            run = gathered.arrays[above : above + rows * size]
+            elements = of_elements(numbers(run, kind, swap=self.swap), kind)
+            yield of_lists(np.full(rows, length), elements)
+            above += room * size
+        for k, mark in enumerate(together.gathering.text_marks.tolist()):
+            if gathered.long_bytes[k]:
+                yield of_strings(*views(self.source, self.noted[mark], self.noted[mark + 1]))
+            else:
+                yield of_strings(gathered.views[k, :rows], _NO_TEXT)
 
     def column(self, wanted: Field) -> Array:
         """The values of a field, one for every whole message."""
@@ -190,7 +200,7 @@ class Columns:
         if (names.mark, name) not in self._found:
             text = names.element.mark
             self._found[names.mark, name] = find(
-                self.data,
+                self.source.data,
                 self.noted[text],
                 self.noted[text + 1],
                 self.noted[names.mark],
@@ -212,21 +222,19 @@ class Columns:
             starts = self._noted(array.mark, place.chosen)
         assert isinstance(array.element, Inline)
         kind = array.element.kind
-        return of_elements(number_runs(self.data, starts, counts, kind, swap=self.swap), kind)
+        run = runs(self.source, starts, counts * DTYPES[kind].itemsize)
+        return of_elements(numbers(run, kind, swap=self.swap), kind)
 
     def _values(self, place: _Place) -> Array:
         if isinstance(place, _Elements):
             assert isinstance(place.located, Text)
             starts = self._noted(place.located.mark, place.chosen)
             sizes = self._noted(place.located.mark + 1, place.chosen, absent=0)
-            return of_strings(*views(self.data, starts, sizes), absent=starts < 0)
+            return of_strings(*views(self.source, starts, sizes), absent=starts < 0)
         value = place.value
         assert isinstance(value, Inline)
-        offset, load = place.offset + value.offset, LOADS[value.kind]
-        (bits,) = values(
-            self.data, place.at, _ZERO, np.array([offset]), np.array([load]), place.at.size,
-            swap=self.swap,
-        )  # fmt: skip
+        offset = place.offset + value.offset
+        bits = values(self.source, place.at, offset, value.kind, swap=self.swap)
         return of_values(bits, value.kind, absent=place.at < 0)
 
 

@@ -4,7 +4,7 @@ The loops are compiled by numba and cached on disk. A position of -1 is a value 
 it gives 0.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -35,69 +35,84 @@ LOADS: Final = {
 _INLINE: Final = 12
 
 
+class Source(NamedTuple):
+    """Bytes, and the numbers of 2, 4 and 8 bytes at every one of them."""
+
+    data: Bytes
+    short: NDArray[np.uint16]
+    word: NDArray[np.uint32]
+    long: Words
+
+
+def source_of(data: Bytes) -> Source:
+    """Bytes to gather from."""
+    return Source(data, *(_overlapping(data, f"u{size}") for size in (2, 4, 8)))
+
+
+def _overlapping(data: Bytes, kind: str) -> NDArray[Any]:
+    """The number at every byte, not only at every multiple of its size."""
+    dtype = np.dtype(kind)
+    count = max(data.size - dtype.itemsize + 1, 0)
+    return np.ndarray((count,), dtype, data, 0, (1,))
+
+
 @njit(cache=True, nogil=True)
-def load_values(
-    data: Bytes,
-    overlapping: tuple[NDArray[np.uint16], NDArray[np.uint32], Words],
-    marks: Ints,
-    bases: Ints,
-    offsets: Ints,
-    loads: Ints,
+def load(
+    source: Source,
+    positions: Ints,
+    offset: int,
+    how: int,
     swap: bool,
     out: Words,
     floats: NDArray[np.float64],
 ) -> None:
-    """Values of several columns as 64 bits each: floats as double, stamps in ns.
+    """Values of a column as 64 bits each: floats as double, stamps in ns.
 
     Args:
-        data: (bytes,) where they lie.
-        overlapping: the numbers of 2, 4 and 8 bytes at every byte of `data`.
-        marks: positions, those of all columns.
-        bases: (columns,) where the positions of each column begin in `marks`.
-        offsets: (columns,) how far behind its positions a column's values lie.
-        loads: (columns,) what they are, see `LOADS`.
+        source: where they lie.
+        positions: (n,) what they lie behind.
+        offset: how far behind.
+        how: what they are, see `LOADS`.
         swap: whether they are big-endian.
-        out: (columns, n) out.
+        out: (n,) out.
         floats: the same memory as doubles.
     """
-    short, word, long = overlapping
+    data, short, word, long = source
+    size = abs(how)
+    if size == 8:  # nearly all of them, in a loop with no other case in it
+        for k in range(positions.size):
+            at = positions[k]
+            if at < 0:
+                out[k] = 0
+            else:
+                eight = long[at + offset]
+                out[k] = _swapped8(eight) if swap else eight
+        return
     bits = np.empty(1, np.uint32)
     single = bits.view(np.float32)
-    for column in range(bases.size):
-        base, offset, load = bases[column], offsets[column], loads[column]
-        size = abs(load)
-        if size == 8:  # nearly all of them, in a loop with no other case in it
-            for k in range(out.shape[1]):
-                at = marks[base + k]
-                if at < 0:
-                    out[column, k] = 0
-                else:
-                    eight = long[at + offset]
-                    out[column, k] = _swapped8(eight) if swap else eight
+    for k in range(positions.size):
+        at = positions[k]
+        if at < 0:
+            out[k] = 0
             continue
-        for k in range(out.shape[1]):
-            at = marks[base + k]
-            if at < 0:
-                out[column, k] = 0
-                continue
-            at += offset
-            if load == _STAMP:
-                seconds = _swapped4(word[at]) if swap else np.uint64(word[at])
-                rest = _swapped4(word[at + 4]) if swap else np.uint64(word[at + 4])
-                out[column, k] = _signed(seconds, 32) * np.int64(10**9) + np.int64(rest)
-            elif load == _FLOAT32:
-                bits[0] = _swapped4(word[at]) if swap else np.uint64(word[at])
-                floats[column, k] = single[0]
+        at += offset
+        if how == _STAMP:
+            seconds = _swapped4(word[at]) if swap else np.uint64(word[at])
+            rest = _swapped4(word[at + 4]) if swap else np.uint64(word[at + 4])
+            out[k] = _signed(seconds, 32) * np.int64(10**9) + np.int64(rest)
+        elif how == _FLOAT32:
+            bits[0] = _swapped4(word[at]) if swap else np.uint64(word[at])
+            floats[k] = single[0]
+        else:
+            if size == 4:
+                value = _swapped4(word[at]) if swap else np.uint64(word[at])
+            elif size == 2:
+                value = np.uint64(short[at])
+                if swap:
+                    value = (value & np.uint64(0xFF)) << np.uint64(8) | value >> np.uint64(8)
             else:
-                if size == 4:
-                    value = _swapped4(word[at]) if swap else np.uint64(word[at])
-                elif size == 2:
-                    value = np.uint64(short[at])
-                    if swap:
-                        value = (value & np.uint64(0xFF)) << np.uint64(8) | value >> np.uint64(8)
-                else:
-                    value = np.uint64(data[at])
-                out[column, k] = _signed(value, 8 * size) if load < 0 else np.int64(value)
+                value = np.uint64(data[at])
+            out[k] = _signed(value, 8 * size) if how < 0 else np.int64(value)
 
 
 @njit(cache=True, nogil=True)
@@ -107,7 +122,7 @@ def _signed(value: np.uint64, bits: int) -> np.int64:
 
 
 @njit(cache=True, nogil=True)
-def _swapped4(value: np.uint32) -> np.uint64:
+def _swapped4(value: Any) -> np.uint64:
     low = np.uint64(value)
     byte = np.uint64(0xFF)
     return (
@@ -119,19 +134,32 @@ def _swapped4(value: np.uint32) -> np.uint64:
 
 
 @njit(cache=True, nogil=True)
-def _swapped8(value: np.uint64) -> np.uint64:
+def _swapped8(value: Any) -> np.uint64:
     low = value & np.uint64(0xFFFFFFFF)
     return _swapped4(low) << np.uint64(32) | _swapped4(value >> np.uint64(32))
 
 
 @njit(cache=True, nogil=True)
-def _copy(data: Bytes, words: Words, starts: Ints, sizes: Ints, out: Bytes, out_words: Words) -> None:
-    to = 0
-    for k in range(starts.size):
-        at = starts[k]
-        end = to + sizes[k]
+def copy_equal(
+    source: Source, positions: Ints, offset: int, size: int, out: Bytes, words: Words, to: int
+) -> None:
+    """Copy runs of one size, `offset` bytes behind positions (n,).
+
+    Args:
+        source: where they lie.
+        positions: (n,) what they lie behind.
+        offset: how far behind.
+        size: bytes of each.
+        out: takes them, one behind the other.
+        words: the 64 bits at every byte of it.
+        to: where in it.
+    """
+    data, long = source.data, source.long
+    for k in range(positions.size):
+        at = positions[k] + offset
+        end = to + size
         while to + 8 <= end:
-            out_words[to] = words[at]
+            words[to] = long[at]
             to += 8
             at += 8
         while to < end:
@@ -141,27 +169,58 @@ def _copy(data: Bytes, words: Words, starts: Ints, sizes: Ints, out: Bytes, out_
 
 
 @njit(cache=True, nogil=True)
-def _view(data: Bytes, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: Bytes) -> None:
+def view(source: Source, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: Bytes) -> int:
+    """Strings as Arrow's views of them (n, 4): size, then all of it, or else where the text is.
+
+    Args:
+        source: where they lie.
+        starts: (n,) where each begins.
+        sizes: (n,) bytes of each.
+        out: (n, 4) out.
+        text: out, those that do not fit into their views, as far as there is room.
+
+    Returns:
+        The bytes of `text` that they need.
+    """
+    data = source.data
     lanes = np.empty(3, np.uint32)
-    bytes_of = lanes.view(np.uint8)
+    characters = lanes.view(np.uint8)
     to = 0
     for k in range(starts.size):
         at, size = starts[k], sizes[k]
-        shown = min(size, np.int64(_INLINE))
         lanes[:] = 0
-        for byte in range(shown):
-            bytes_of[byte] = data[at + byte]
+        for byte in range(min(size, np.int64(_INLINE))):
+            characters[byte] = data[at + byte]
         out[k, 0] = size
         out[k, 1] = lanes[0]
         if size <= _INLINE:
             out[k, 2] = lanes[1]
             out[k, 3] = lanes[2]
-        else:
-            out[k, 2] = 0
-            out[k, 3] = to
+            continue
+        out[k, 2] = 0
+        out[k, 3] = to
+        if to + size <= text.size:
             for byte in range(size):
                 text[to + byte] = data[at + byte]
-            to += size
+        to += size
+    return to
+
+
+@njit(cache=True, nogil=True)
+def _copy(source: Source, starts: Ints, sizes: Ints, out: Bytes, words: Words) -> None:
+    data, long = source.data, source.long
+    to = 0
+    for k in range(starts.size):
+        at = starts[k]
+        end = to + sizes[k]
+        while to + 8 <= end:
+            words[to] = long[at]
+            to += 8
+            at += 8
+        while to < end:
+            out[to] = data[at]
+            to += 1
+            at += 1
 
 
 @njit(cache=True, nogil=True)
@@ -199,44 +258,35 @@ def find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Int
     return found
 
 
-def values(
-    data: Bytes, marks: Ints, bases: Ints, offsets: Ints, loads: Ints, rows: int, *, swap: bool
-) -> Words:
-    """Values of several columns, (columns, rows) of 64 bits; see `load_values`."""
-    out = np.empty((bases.size, rows), np.uint64)
-    views = (
-        _overlapping(data, np.dtype(np.uint16)),
-        _overlapping(data, np.dtype(np.uint32)),
-        _overlapping(data, np.dtype(np.uint64)),
-    )
-    load_values(data, views, marks, bases, offsets, loads, swap, out, out.view(np.float64))
+def values(source: Source, positions: Ints, offset: int, kind: str, *, swap: bool) -> Words:
+    """Values of one kind, 64 bits each, at `positions + offset`."""
+    out = np.empty(positions.size, np.uint64)
+    load(source, positions, offset, LOADS[kind], swap, out, out.view(np.float64))
     return out
 
 
-def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
+def views(source: Source, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
     """Strings as Arrow's views (n, 4), with the text of those that do not fit into theirs."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
-    _view(data, starts, sizes, out, text)
+    view(source, starts, sizes, out, text)
     return out, text
 
 
-def runs(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+def runs(source: Source, starts: Ints, sizes: Ints) -> Bytes:
     """Runs of bytes, one behind the other."""
     out = np.empty(int(sizes.sum()), np.uint8)
-    word = np.dtype(np.uint64)
-    _copy(data, _overlapping(data, word), starts, sizes, out, _overlapping(out, word))
+    _copy(source, starts, sizes, out, words_of(out))
     return out
 
 
-def number_runs(data: Bytes, starts: Ints, counts: Ints, kind: str, *, swap: bool) -> NDArray[Any]:
-    """Runs of numbers of one kind, one run behind the other."""
+def words_of(out: Bytes) -> Words:
+    """The 64 bits at every byte."""
+    return _overlapping(out, "u8")
+
+
+def numbers(run: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
+    """Numbers of one kind, from their bytes."""
     dtype = DTYPES[kind]
-    bits = runs(data, starts, counts * dtype.itemsize).view(f"u{dtype.itemsize}")
+    bits = run.view(f"u{dtype.itemsize}")
     return (bits.byteswap() if swap else bits).view(dtype)
-
-
-def _overlapping(data: Bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """The number at every byte, not only at every multiple of its size."""
-    count = max(data.size - dtype.itemsize + 1, 0)
-    return np.ndarray((count,), dtype, data, 0, (1,))

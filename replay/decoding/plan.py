@@ -48,20 +48,14 @@ class Plan:
             _want(wanted, field)
         self._ros1 = ros1
         #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
+        self._asked = self._fields if self._stamp is None else (self._stamp, *self._fields)
+        self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
+        #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
         self._wires: dict[int, Wire] = {0: ROS1} if ros1 else ENCAPSULATIONS
         self._programs = {
-            wire: self._compile(record, wanted, wire) for wire in dict.fromkeys(self._wires.values())
+            wire: _compiled(compile_program(record, wanted, wire), self._asked)
+            for wire in dict.fromkeys(self._wires.values())
         }
-        self._names = (*OWN_COLUMNS, *(field.name for field in self._fields))
-
-    def _compile(self, record: Record, wanted: Wanted, wire: Wire) -> tuple[Program, Together]:
-        program = compile_program(record, wanted, wire)
-        return program, gathered_together(program.root, self._asked)
-
-    @property
-    def _asked(self) -> tuple[Field, ...]:
-        """The fields, and the header stamp that every frame has."""
-        return self._fields if self._stamp is None else (self._stamp, *self._fields)
 
     def decode(self, batch: RawBatch) -> Decoded:
         """Decode messages at once; one that is not whole costs its row."""
@@ -93,26 +87,36 @@ class Plan:
     def _part(self, batch: RawBatch, kind: int) -> _Part:
         """Decode messages of one encapsulation."""
         wire = self._wires[kind]
-        program, fixed = self._programs[wire]
+        program, together, places = self._programs[wire]
         walked = walk_batch(
             program,
+            together,
             batch.data,
             batch.offsets + wire.head,
             batch.lengths - wire.head,
             swap=wire.cdr and kind % 2 == 0,
         )
-        whole = walked.whole
-        log_times = batch.log_times if whole.all() else batch.log_times[whole]
-        found = dict(walked.columns.together(fixed, log_times.size))
-        for field in self._asked:
-            if field.steps not in found:
-                found[field.steps] = walked.columns.column(field)
-        stamps: Any = pa.nulls(log_times.size, pa.int64())
-        if self._stamp is not None:
-            stamps = found[self._stamp.steps]
-        columns: Any = [of_times(log_times), stamps, *(found[f.steps] for f in self._fields)]
-        batch_of: Any = pa.RecordBatch.from_arrays(columns, names=list(self._names))
-        return _Part(pl.DataFrame(batch_of), np.flatnonzero(whole), np.flatnonzero(~whole), walked.first_fault)
+        columns, whole = walked.columns, walked.whole
+        faulty = np.flatnonzero(~whole)
+        log_times = batch.log_times[whole] if faulty.size else batch.log_times
+        gathered = list(columns.gathered_on_the_way())
+        arrays: list[Any] = [
+            columns.column(field) if place is None else gathered[place]
+            for field, place in zip(self._asked, places, strict=True)
+        ]
+        if self._stamp is None:
+            arrays.insert(0, pa.nulls(log_times.size, pa.int64()))
+        table: Any = pa.RecordBatch.from_arrays([of_times(log_times), *arrays], self._names)
+        return _Part(pl.DataFrame(table), np.flatnonzero(whole), faulty, walked.first_fault)
+
+
+def _compiled(
+    program: Program, fields: tuple[Field, ...]
+) -> tuple[Program, Together, tuple[int | None, ...]]:
+    """A program, what it gathers on the way, and where each of the fields is among that."""
+    together = gathered_together(program.root, fields)
+    places = {steps: place for place, steps in enumerate(together.steps)}
+    return program, together, tuple(places.get(field.steps) for field in fields)
 
 
 def _want(wanted: Wanted, field: Field) -> None:

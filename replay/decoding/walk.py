@@ -1,16 +1,24 @@
-"""The walk: a program over a batch of messages, noting where things lie.
+"""The walk: a program over messages, noting where things lie.
 
 Compiled by numba and cached on disk. It reads nothing outside a message: every length is held
 against what is left of the message before anything moves, and every element of a list takes at
 least a byte, so that a message of n bytes costs at most a multiple of n steps.
+
+Most messages repeat the one before: where things lie depends on the size of a message and on the
+lengths of its strings and lists, and on nothing else. Strings mostly are names of frames and
+joints, so that they are compared as well, and what is the same is UTF-8 again. A message that
+repeats all of these has the marks of the one before, moved.
+
+It is one function: an array that is handed to another costs as much as a step.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from replay.decoding.gather import Source
 from replay.decoding.program import Column, Op
 
 Ints = NDArray[np.int64]
@@ -30,152 +38,273 @@ FAULTS: Final = (
     "it goes on behind its last field",
 )
 _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))
+_NOT_ASCII: Final = np.uint64(0x8080808080808080)
+
+#: A layout with more to compare, or more to note, is not remembered.
+_MOST_CHECKS: Final = 64
+_MOST_NOTES: Final = 256
+#: After so many messages in a row that repeat nothing, only every so many-th is remembered.
+_PATIENCE: Final = 8
+_LATER: Final = 64
+
+
+class Encoding(NamedTuple):
+    """What of an encoding the walk needs."""
+
+    #: strings end in a NUL, and up to 3 bytes may pad a message
+    cdr: bool
+    #: numbers are big-endian
+    swap: bool
+    #: alignment of the lengths of strings and lists
+    counted: int
+
+
+class Noted(NamedTuple):
+    """What a walk notes."""
+
+    #: (marks,) the node of each mark
+    nodes: Ints
+    #: (marks,) where the values of each begin in `marks`
+    bases: Ints
+    #: (nodes,) how many elements of each node there is room for; more are only counted
+    room: Ints
+    #: values by mark and element of its node
+    marks: Ints
+    #: (nodes,) how many elements each node has; messages that are not whole leave nothing, so that
+    #: those of node 0 are the whole messages
+    filled: Ints
+    #: (nodes,) scratch, `filled` before the message
+    kept: Ints
+    #: (depth,) scratch, elements to go of the lists being walked
+    left: Ints
+
+
+class Layout(NamedTuple):
+    """The layout of a message."""
+
+    #: (checks, 2) bytes that must be the same: from the message's begin on, and how many
+    checks: Ints
+    #: (notes, 4) the mark, the element of its node counted from the message's first, a position
+    #: from the message's begin on for the mark, and a count for it or for the next; -1 for neither
+    notes: Ints
+    #: (nodes,) how many elements it has of each node, but for the messages' own
+    elements: Ints
+    #: checks and notes that there are, -1 checks where none is remembered; begin and size of the
+    #: message, and where it ended; messages in a row that repeated nothing
+    state: Ints
+
+
+def no_layout(nodes: int) -> Layout:
+    """Memory for a layout, none remembered."""
+    state = np.array([-1, 0, 0, 0, 0, 0])
+    checks, notes = np.empty((_MOST_CHECKS, 2), np.int64), np.empty((_MOST_NOTES, 4), np.int64)
+    return Layout(checks, notes, np.zeros(nodes, np.int64), state)
 
 
 @njit(cache=True, nogil=True)
 def walk(
-    data: NDArray[np.uint8],
+    source: Source,
     begins: Ints,
     sizes: Ints,
-    cdr: bool,
-    swap: bool,
-    counted: int,
+    first: int,
+    end: int,
+    encoding: Encoding,
     steps: Ints,
-    bases: Ints,
-    room: Ints,
-    marks: Ints,
-    filled: Ints,
-    kept: Ints,
-    left: Ints,
+    noted: Noted,
+    layout: Layout,
     faults: NDArray[np.int8],
     places: Ints,
 ) -> None:
     """Walk messages and note the marks of those that are whole.
 
     Args:
-        data: (bytes,) what the messages lie in.
+        source: what they lie in.
         begins: (n,) where each begins, behind its encapsulation; alignment counts from there.
         sizes: (n,) bytes of each from there on.
-        cdr: whether strings end in a NUL, and up to 3 bytes may pad a message.
-        swap: whether numbers are big-endian.
-        counted: alignment of the lengths of strings and lists.
+        first: the first of them.
+        end: behind the last of them.
+        encoding: of all of them.
         steps: the program.
-        bases: (marks,) where the values of each mark begin in `marks`.
-        room: (nodes,) how many elements of each node `marks` has room for; more are only counted.
-        marks: out, values by mark and element of its node.
-        filled: (nodes,) in: zeros; out: how many elements each node has. Messages that are not
-            whole leave nothing, so that those of node 0 are the whole messages.
-        kept: (nodes,) scratch, `filled` before the message.
-        left: (depth,) scratch, elements to go of the lists being walked.
+        noted: takes their marks.
+        layout: of the message before the first, if one is remembered; then of the last.
         faults: (n,) out, what is wrong with each message, see `FAULTS`.
-        places: (n,) out, the byte where that was found.
+        places: (n,) out, the byte where it ends or that was found.
     """
-    for message in range(begins.size):
-        begin = begins[message]
-        size = sizes[message]
-        at = 0
-        step = 0
-        depth = 0
-        fault = 0
+    data, _, word, long = source
+    cdr, swap, counted = encoding
+    nodes, bases, room, marks, filled, kept, left = noted
+    checks, notes, elements, state = layout
+    check_count, note_count, other, other_size, other_end, walked = state
+    for message in range(first, end):
+        begin, size = begins[message], sizes[message]
+
+        same = check_count >= 0 and size == other_size
+        check = 0
+        while same and check < check_count:
+            at = begin + checks[check, 0]
+            gap = other - begin
+            last = at + checks[check, 1]
+            while same and at + 8 <= last:
+                same = long[at] == long[at + gap]
+                at += 8
+            while same and at < last:
+                same = data[at] == data[at + gap]
+                at += 1
+            check += 1
+        if same:
+            for number in range(note_count):
+                mark = notes[number, 0]
+                node = nodes[mark]
+                element = filled[node] + notes[number, 1]
+                if element < room[node]:
+                    place, count = notes[number, 2], notes[number, 3]
+                    if place >= 0:
+                        marks[bases[mark] + element] = begin + place
+                        mark += 1
+                    if count >= 0:
+                        marks[bases[mark] + element] = count
+            for node in range(1, filled.size):
+                filled[node] += elements[node]
+            filled[0] += 1
+            faults[message] = 0
+            places[message] = other_end
+            walked = 0
+            continue
+
+        remembered = walked < _PATIENCE or walked % _LATER == 0
+        walked += 1
+        check_count = note_count = 0
         for node in range(filled.size):
             kept[node] = filled[node]
+        at = step = depth = fault = 0
         while step < steps.shape[0]:
-            op = steps[step, _OP]
-            mark = steps[step, _MARK]
-            node = steps[step, _NODE]
-            if mark >= 0 and filled[node] >= room[node]:
-                mark = -1
+            op, mark, node = steps[step, _OP], steps[step, _MARK], steps[step, _NODE]
+            following = step + 1
+            place = count = -1
+            span = 0
+            checked = at
             if op == _BLOCK:
                 alignment = steps[step, _ALIGNMENT]
                 at = (at + alignment - 1) & -alignment
                 if steps[step, _SIZE] > size - at:
                     fault = _ENDS
                     break
-                if mark >= 0:
-                    marks[bases[mark] + filled[node]] = begin + at
+                place = checked = at
                 at += steps[step, _SIZE]
             elif op == _NEXT:
                 if node >= 0:
                     filled[node] += 1
                 left[depth - 1] -= 1
                 if left[depth - 1] > 0:
-                    step = steps[step, _JUMP]
-                    continue
-                depth -= 1
+                    following = steps[step, _JUMP]
+                else:
+                    depth -= 1
+                mark = -1
             else:
                 # all others begin with a length
-                length = steps[step, _LENGTH]
-                if length < 0:
+                count = steps[step, _LENGTH]
+                if count < 0:
                     at = (at + counted - 1) & -counted
                     if size - at < 4:
                         fault = _ENDS
                         break
-                    length = _number(data, begin + at, swap)
+                    count = np.int64(word[begin + at])
+                    if swap:
+                        count = (
+                            count >> 24
+                            | (count >> 8 & 0xFF00)
+                            | (count & 0xFF00) << 8
+                            | (count & 0xFF) << 24
+                        )
+                    checked = at
                     at += 4
                 if op == _TEXT:
-                    if length > size - at:
+                    if count > size - at:
                         fault = _LONG_TEXT
                         break
-                    start = begin + at
-                    at += length
-                    if cdr and length > 0:
-                        length -= 1
-                        if data[start + length] != 0:
+                    place = at
+                    at += count
+                    if cdr and count > 0:
+                        count -= 1
+                        if data[begin + place + count] != 0:
                             fault = _NO_NUL
                             break
-                    if not _is_utf8(data, start, start + length):
+                    byte, last = begin + place, begin + place + count
+                    while byte + 8 <= last and long[byte] & _NOT_ASCII == 0:
+                        byte += 8
+                    while byte < last and data[byte] < 0x80:
+                        byte += 1
+                    if byte < last and not _is_utf8(data, byte, last):
                         fault = _NO_UTF8
                         break
-                    if mark >= 0:
-                        marks[bases[mark] + filled[node]] = start
-                        marks[bases[mark + 1] + filled[node]] = length
                 elif op == _STRIDED:
-                    span = 0
-                    if length > 0:
+                    start = at
+                    if count > 0:
                         alignment = steps[step, _ALIGNMENT]
-                        at = (at + alignment - 1) & -alignment
+                        start = (at + alignment - 1) & -alignment
                         # the first comparison keeps the product from overflowing
-                        if length > size - at:
+                        if count > size - start:
                             fault = _LONG_LIST
                             break
-                        span = (length - 1) * steps[step, _STRIDE] + steps[step, _SIZE]
-                    if span > size - at:
+                        span = (count - 1) * steps[step, _STRIDE] + steps[step, _SIZE]
+                    if span > size - start:
                         fault = _LONG_LIST
                         break
-                    if mark >= 0:
-                        marks[bases[mark] + filled[node]] = begin + at
-                        marks[bases[mark + 1] + filled[node]] = length
-                    at += span
+                    place = start
                 else:
-                    if length > size - at or length * steps[step, _SIZE] > size - at:
+                    if count > size - at or count * steps[step, _SIZE] > size - at:
                         fault = _LONG_LIST
                         break
-                    if mark >= 0:
-                        marks[bases[mark] + filled[node]] = length
-                    if length == 0:
-                        step = steps[step, _JUMP]
-                        continue
-                    left[depth] = length
-                    depth += 1
-            step += 1
+                    if count == 0:
+                        following = steps[step, _JUMP]
+                    else:
+                        left[depth] = count
+                        depth += 1
+            if remembered and at > checked and op != _BLOCK:
+                # the length, and what a string says
+                if check_count == _MOST_CHECKS:
+                    remembered = False
+                else:
+                    checks[check_count, 0] = checked
+                    checks[check_count, 1] = at - checked
+                    check_count += 1
+            if op == _STRIDED:
+                at = place + span
+            if mark >= 0:
+                element = filled[node]
+                if remembered:
+                    if note_count == _MOST_NOTES:
+                        remembered = False
+                    else:
+                        notes[note_count, 0] = mark
+                        notes[note_count, 1] = element - kept[node]
+                        notes[note_count, 2] = place
+                        notes[note_count, 3] = count
+                        note_count += 1
+                if element < room[node]:
+                    if place >= 0:
+                        marks[bases[mark] + element] = begin + place
+                        mark += 1
+                    if count >= 0:
+                        marks[bases[mark] + element] = count
+            step = following
         if fault == 0 and size - at > (3 if cdr else 0):
             fault = _GOES_ON
         faults[message] = fault
         places[message] = at
+        if fault == 0 and remembered:
+            other, other_size, other_end = begin, size, at
+            for node in range(1, filled.size):
+                elements[node] = filled[node] - kept[node]
+        else:
+            check_count = -1
         if fault == 0:
             filled[0] += 1
         else:
             for node in range(filled.size):
                 filled[node] = kept[node]
-
-
-@njit(cache=True, nogil=True)
-def _number(data: NDArray[np.uint8], at: int, swap: bool) -> np.int64:
-    a, b = np.int64(data[at]), np.int64(data[at + 1])
-    c, d = np.int64(data[at + 2]), np.int64(data[at + 3])
-    if swap:
-        return a << 24 | b << 16 | c << 8 | d
-    return d << 24 | c << 16 | b << 8 | a
+    state[0], state[1], state[2] = check_count, note_count, other
+    state[3], state[4], state[5] = other_size, other_end, walked
 
 
 @njit(cache=True, nogil=True)

@@ -35,7 +35,8 @@ NUMBERS = {
     "float32": "f",
     "float64": "d",
 }
-NAMES = ("left", "right", "", "Größe", "boom.lift-1")
+#: with lengths around what fits into a view of it
+NAMES = ("left", "right", "", "Größe", "boom.lift-1", "boom.lift-12", "bucket/cylinder/left")
 TIME = "builtin_interfaces/msg/Time"
 
 

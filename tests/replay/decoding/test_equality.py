@@ -2,6 +2,7 @@
 
 import os
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import polars as pl
@@ -86,6 +87,41 @@ def test_a_column_does_not_depend_on_what_else_is_asked_for(
     assert same(
         columnar(sample, some, "cdr_le"), whole.select(whole.columns[:2] + [f.name for f in some])
     )
+
+
+@pytest.mark.parametrize("encoding", ["cdr_le", "cdr_be", "ros1", "xcdr2_le"])
+@RANDOM_TYPES
+@given(types=types(), seed=st.integers(0, 2**32), data=st.data())
+def test_a_message_is_decoded_as_if_it_were_alone_whatever_came_before_it(
+    encoding: str, types: Types, seed: int, data: st.DataObject
+) -> None:
+    sample = Sample(types, encoding, seed)
+    fields = fields_of(sample)
+    plan = Plan(sample.kind.record, ros1=sample.ros1, fields=fields)
+    stored = [*sample.stored(encoding), *map(_flipped(data), sample.stored(encoding))]
+    alone = [plan.decode(batch_of([message])) for message in stored]
+    runs = data.draw(
+        st.lists(st.tuples(st.sampled_from(range(len(stored))), st.integers(1, 20)), max_size=30)
+    )
+    order = [number for number, times in runs for _ in range(times)]
+    together = plan.decode(batch_of([stored[number] for number in order]))
+    assert together.undecodable == sum(alone[number].undecodable for number in order)
+    expected = pl.concat([plan.decode(batch_of([])).frame, *(alone[k].frame for k in order)])
+    assert same(together.frame.drop("log_time_ns"), expected.drop("log_time_ns"))
+
+
+def _flipped(data: st.DataObject) -> Callable[[bytes], bytes]:
+    """A message with a bit that is another, behind its encapsulation."""
+
+    def flip(message: bytes) -> bytes:
+        if len(message) <= 4:
+            return message
+        place = data.draw(st.integers(4, len(message) - 1))
+        damaged = bytearray(message)
+        damaged[place] ^= 1 << data.draw(st.integers(0, 7))
+        return bytes(damaged)
+
+    return flip
 
 
 @RANDOM_TYPES
