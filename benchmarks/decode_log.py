@@ -148,9 +148,8 @@ def write_bag(path: Path, minutes: float, compression: Any) -> None:
 
 
 def write_db3(path: Path, minutes: float) -> None:
-    """rosbag2's SQLite storage, the file of it."""
-    folder = path.with_suffix("")
-    with Writer2(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+    """rosbag2's SQLite storage, a directory."""
+    with Writer2(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         keys = {
             topic: writer.add_connection(topic, name, typestore=store(ros1=False))
             for topic, (name, _) in TOPICS.items()

@@ -25,7 +25,7 @@ def rosbags(path: Path) -> Iterator[Iterator[object]]:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(CUSTOM, CUSTOM_TYPE))
-    source = path.with_suffix("") if path.suffix == ".db3" else path
+    source = path.parent if path.suffix == ".db3" else path
     with AnyReader([source], default_typestore=store) as reader:
         yield (
             reader.deserialize(data, connection.msgtype)

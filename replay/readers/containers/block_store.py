@@ -62,7 +62,7 @@ class BlockStore:
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
         usable = {key: _usable(values) for key, values in times.items()}
-        self._blocks.append(_described(block, usable))
+        self._blocks.append(_described(block, times, usable))
         for key, values in usable.items():
             self._late[key] = self._late.get(key, 0) + times[key].size - values.size
             self._times.setdefault(key, []).append(values)
@@ -70,7 +70,7 @@ class BlockStore:
     def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
         """Note that a block, whose messages are known, cannot be read."""
         usable = {key: _usable(values) for key, values in times.items()}
-        self.damage.lose(_described(block, usable), why)
+        self.damage.lose(_described(block, times, usable), why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
         """Add blocks that no index describes: they are unpacked to see what they hold."""
@@ -157,11 +157,15 @@ def _usable(times: NDArray[np.int64]) -> NDArray[np.int64]:
     return times if not times.size or times.min() >= 0 else times[times >= 0]
 
 
-def _described(block: Block, times: Mapping[int, NDArray[np.int64]]) -> Block:
-    filled = {key: values for key, values in times.items() if values.size}
+def _described(
+    block: Block,
+    times: Mapping[int, NDArray[np.int64]],
+    usable: Mapping[int, NDArray[np.int64]],
+) -> Block:
+    filled = [values for values in usable.values() if values.size]
     return replace(
         block,
-        counts={key: values.size for key, values in filled.items()},
-        first_ns=min((int(values.min()) for values in filled.values()), default=0),
-        last_ns=max((int(values.max()) for values in filled.values()), default=-1),
+        counts={key: values.size for key, values in times.items() if values.size},
+        first_ns=min((int(values.min()) for values in filled), default=0),
+        last_ns=max((int(values.max()) for values in filled), default=-1),
     )
