@@ -100,8 +100,9 @@ def _filled_by(topic: str, machine: Machine) -> list[str]:
 
 def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
     """The fault, the choices and the remedy."""
+    meant = nearest(topic, set().union(*has.values()))
     return (
-        f"no topic '{topic}'; {nearest(topic, set().union(*has.values()))} "
+        f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
         f"Set channels.{_filled_by(topic, machine)[0]}.topic in the machine file."
     )
 

@@ -63,9 +63,10 @@ class TableLog:
                 f"{self.path}: no unit of time '{given.unit}'; use {', '.join(NS_PER_UNIT)}"
             )
         if given is not None and given.column not in columns:
+            meant = nearest(given.column, columns)
             raise LogError(
                 f"{self.path}: no column '{given.column}' for the time; "
-                f"{nearest(given.column, columns)}. Set [log] time in the machine file"
+                f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         axis = given or guess_axis(columns)
         if axis is None and len(columns) == 1 and re.search(r"[;\t]", columns[0]):

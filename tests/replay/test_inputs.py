@@ -110,7 +110,7 @@ def test_a_hint_whose_topic_is_missing_or_empty_is_a_loss_and_stops_nothing(
     hinted = plain.model_copy(update={"channels": {**plain.channels, "latitude_deg": hint}})
     result = run(open_log(tmp_path / "shift.csv"), hinted)
     assert [str(loss) for loss in result.provenance.losses] == [
-        "shift.csv: no topic '/gps'; known: table "
+        "shift.csv: no topic '/gps'; known: table. "
         "Set channels.latitude_deg.topic in the machine file."
     ]
     without = run(open_log(tmp_path / "shift.csv"), plain)
