@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -13,6 +13,7 @@ from polars.exceptions import PolarsError
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
 from replay.readers.container import LossList
+from replay.readers.csv_table import scan_csv
 from replay.readers.protocol import TimeAxis
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
 from replay.readers.topics import TOPICS_SCHEMA, timing
@@ -45,16 +46,7 @@ class TableLog:
     def _scan(self) -> pl.LazyFrame:
         if self._format == "parquet":
             return pl.scan_parquet(self.path, glob=False)
-        strict = _scan_csv(self.path, cut_long_rows=False)
-        try:
-            # polars notices a row that is too long only when it is to parse every column
-            strict.select(pl.all().count()).collect(engine="streaming")
-        except PolarsError:
-            self._losses.note(
-                self.path, "rows with more cells than the header: what is too much is not read"
-            )
-            return _scan_csv(self.path, cut_long_rows=True)
-        return strict
+        return scan_csv(self.path, partial(self._losses.note, self.path))
 
     def _find_axis(self, given: TimeAxis | None) -> TimeAxis:
         columns = self._schema.names()
@@ -216,20 +208,6 @@ class TableLog:
         trace: TracebackType | None,
     ) -> None:
         """Nothing stays open."""
-
-
-def _scan_csv(path: Path, *, cut_long_rows: bool) -> pl.LazyFrame:
-    """A CSV as text, because a fault in a cell should cost that cell.
-
-    Rows with too few cells end in nulls.
-    """
-    return pl.scan_csv(
-        path,
-        infer_schema=False,
-        glob=False,
-        encoding="utf8-lossy",
-        truncate_ragged_lines=cut_long_rows,
-    )
 
 
 def _line(error: BaseException) -> str:
