@@ -144,11 +144,12 @@ class MessageLog:
 
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""
-        undecodable = (
+        # before the container's losses: counting messages may find some
+        undecodable = [
             Loss(source=self.path.name, topic=row["topic"], what=row["problem"])
             for row in self.topics().iter_rows(named=True)
             if row["problem"] and row["messages"]
-        )
+        ]
         return (*self._container.losses, *undecodable, *self._read_losses)
 
     def _check_open(self) -> None:

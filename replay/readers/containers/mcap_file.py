@@ -64,7 +64,7 @@ class McapFile:
             indexed = self._store
             if said is not None or not indexed.message_count:
                 self._store = BlockStore(self._file, _grammar, self._describe)
-                self._walk()
+                self._walk(summary.fault)
         found = self._store.message_count
         if said not in (None, found) and not self._store.damage:
             self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
@@ -92,11 +92,16 @@ class McapFile:
         if unknown:
             self._store.survey(unknown)
 
-    def _walk(self) -> None:
-        """Go through the file, from start to end."""
+    def _walk(self, fault: str) -> None:
+        """Go through the file, from start to end; `fault` says why its index is of no use."""
         walk = Walk(self._store)
         self._store.survey(walk.chunks())
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
+            if fault:
+                self._store.damage.note(
+                    f"{fault}: torn or damaged behind its data, which has its proper end and is "
+                    "read from start to end"
+                )
             return
         size, last_ns = self._file.size, self._store.last_ns
         until = "" if last_ns is None else f", the last at log time {last_ns} ns"
