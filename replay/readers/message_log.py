@@ -1,12 +1,10 @@
 """A log of messages: a container, the types of its topics, and the fields picked from them."""
 
-import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -14,6 +12,7 @@ import polars as pl
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
 from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
+from replay.readers.base_log import BaseLog
 from replay.readers.container import Connection, Container, LossList
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
@@ -32,14 +31,12 @@ class _Topic:
     problem: str | None
 
 
-class MessageLog:
+class MessageLog(BaseLog):
     """A log whose topics hold messages: ROS 1 bag, MCAP, rosbag2."""
 
     def __init__(self, path: Path, open_container: Callable[[Path], Container]) -> None:
-        self.path = path
         self._container = open_container(path)
-        # closes also where nobody does: `run(open_log(path), machine)` is meant to be written
-        self._close = weakref.finalize(self, self._container.close)
+        super().__init__(path, self._container.close)
         self._read_losses = LossList()
 
     @property
@@ -74,24 +71,9 @@ class MessageLog:
             "decoder": decoder_name(topic.kind) if topic.kind else None,
         }
 
-    def read(
-        self,
-        topic: str,
-        fields: Sequence[str],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-    ) -> pl.DataFrame:
-        """Read fields of one topic; see `Log.read`."""
-        return self.read_many({topic: fields}, start_ns, end_ns)[topic]
-
-    def read_many(
-        self,
-        fields: Mapping[str, Sequence[str]],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        """Read fields of several topics in one pass; see `Log.read_many`."""
-        self._check_open()
         readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
@@ -151,21 +133,6 @@ class MessageLog:
             if row["problem"] and row["messages"]
         ]
         return (*self._container.losses, *undecodable, *self._read_losses)
-
-    def _check_open(self) -> None:
-        if not self._close.alive:
-            raise LogError(f"{self.path}: the log was closed; open it again")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._close()
 
 
 def _agree(connections: tuple[Connection, ...]) -> _Topic:

@@ -4,14 +4,14 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import polars as pl
 from polars.exceptions import PolarsError
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
+from replay.readers.base_log import BaseLog
 from replay.readers.container import LossList
 from replay.readers.csv_table import scan_csv
 from replay.readers.protocol import TimeAxis
@@ -24,11 +24,11 @@ _NAMED: Final = 20
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 
-class TableLog:
+class TableLog(BaseLog):
     """A table whose rows are the messages of one topic. Columns are read as they are asked for."""
 
     def __init__(self, path: Path, time: TimeAxis | None) -> None:
-        self.path = path
+        super().__init__(path)
         self._losses = LossList()
         self._format = path.suffix.lower().removeprefix(".")
         try:
@@ -121,14 +121,14 @@ class TableLog:
         }
         return pl.DataFrame([row], schema=TOPICS_SCHEMA)
 
-    def read(
-        self,
-        topic: str,
-        fields: Sequence[str],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
+
+    def _read(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
-        """Read columns of the table; see `Log.read`."""
         if topic != TOPIC:
             raise LogError(f"{self.path}: no topic '{topic}'; a table has the one topic '{TOPIC}'")
         choices = self._fields()
@@ -146,15 +146,6 @@ class TableLog:
         if end_ns is not None:
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
-
-    def read_many(
-        self,
-        fields: Mapping[str, Sequence[str]],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-    ) -> dict[str, pl.DataFrame]:
-        """Read columns of the one topic; see `Log.read_many`."""
-        return {topic: self.read(topic, names, start_ns, end_ns) for topic, names in fields.items()}
 
     def _values(self, name: str) -> pl.Series:
         values = self._column(name)
@@ -197,17 +188,6 @@ class TableLog:
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""
         return tuple(self._losses)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Nothing stays open."""
 
 
 def _line(error: BaseException) -> str:

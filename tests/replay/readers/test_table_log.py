@@ -174,3 +174,10 @@ def test_a_torn_parquet_file_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="not a parquet table") as caught:
         open_log(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_table_that_was_closed_says_so_as_every_log_does(table: Path) -> None:
+    with open_log(table) as log:
+        log.topics()
+    with pytest.raises(LogError, match="the log was closed; open it again"):
+        log.read("table", ["count"])
