@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.run import Loss
 from replay.readers.base_log import BaseLog
-from replay.readers.protocol import Log
+from replay.readers.protocol import Checked, Log
 
 
 class ReadOnce(BaseLog):
@@ -39,6 +39,10 @@ class ReadOnce(BaseLog):
         for topic, frame in self._log.read_many(new, start_ns, end_ns).items() if new else ():
             self._kept[wanted[topic]] = frame
         return {topic: self._kept[key] for topic, key in wanted.items()}
+
+    def check(self) -> Checked:
+        """Check the log."""
+        return self._log.check()
 
     def losses(self) -> tuple[Loss, ...]:
         """The log's losses."""

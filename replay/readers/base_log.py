@@ -10,6 +10,7 @@ from typing import Self
 import polars as pl
 
 from estimators.errors import LogError
+from replay.readers.protocol import Checked
 
 
 def _nothing_stays_open() -> None:
@@ -55,6 +56,10 @@ class BaseLog(ABC):
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         """What `read_many` gives of an open log."""
+
+    @abstractmethod
+    def check(self) -> Checked:
+        """Read everything; see `Log.check`."""
 
     def _check_open(self) -> None:
         if not self._close.alive:

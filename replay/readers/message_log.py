@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
 from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
 from replay.readers.base_log import BaseLog
-from replay.readers.container import Connection, Container, LossList
+from replay.readers.container import Connection, Container, LossList, no_times
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
 from replay.readers.message_types import MessageType, leaves
+from replay.readers.protocol import Checked
 from replay.readers.topics import TOPICS_SCHEMA, timing
 
 if TYPE_CHECKING:
@@ -108,21 +110,57 @@ class MessageLog(BaseLog):
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
     def _judge(self, topic: str, tally: Tally) -> None:
-        if not tally.undecodable:
-            return
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
-        total = tally.rows + tally.undecodable
-        if not tally.rows:
+        if tally.undecodable and not tally.rows:
             raise LogError(
-                f"{self.path}: topic '{topic}' cannot be read: none of its {total} messages fits "
-                f"the definition of {kind.record.name}: {tally.first_fault}"
+                f"{self.path}: topic '{topic}' cannot be read: none of its {tally.undecodable} "
+                f"messages fits the definition of {kind.record.name}: {tally.first_fault}"
             )
-        self._read_losses.note(
-            self.path,
-            f"{tally.undecodable} of {total} messages cannot be decoded: {tally.first_fault}",
-            topic,
-        )
+        self._note(topic, tally)
+
+    def _note(self, topic: str, tally: Tally) -> None:
+        if tally.undecodable:
+            total = tally.rows + tally.undecodable
+            self._read_losses.note(
+                self.path,
+                f"{tally.undecodable} of {total} messages cannot be decoded: {tally.first_fault}",
+                topic,
+            )
+
+    def check(self) -> Checked:
+        """Read and decode everything; see `Log.check`."""
+        self._check_open()
+        # without a field to gather, a message is still walked to its end
+        streams = {t: self._reading(t, ()) for t, topic in self._topics.items() if topic.kind}
+        topics = {c.id: c.topic for c in self._container.connections}
+        times = {key: [no_times()] for key in topics}
+        message_bytes = 0
+        for batch in self._container.batches(list(topics), None, None):
+            times[batch.connection_id].append(batch.log_times)
+            message_bytes += int(batch.lengths.sum())
+            if stream := streams.get(topics[batch.connection_id]):
+                stream.take(batch)
+        for topic, stream in streams.items():
+            stream.finish()
+            self._note(topic, stream.tally)
+        crcs = self._container.check()
+        found = {key: np.concatenate(parts) for key, parts in times.items()}
+        if not self._container.losses:  # which would be why they differ
+            self._compare_index(found)
+        return Checked(sum(each.size for each in found.values()), message_bytes, crcs)
+
+    def _compare_index(self, found: Mapping[int, NDArray[np.int64]]) -> None:
+        """Say where the log times (n,) of the messages, by connection, are not the index's."""
+        for connection in self._container.connections:
+            there, said = found[connection.id], self._container.log_times(connection.id)
+            if not np.array_equal(np.sort(there), np.sort(said)):
+                self._read_losses.note(
+                    self.path,
+                    f"the index says {said.size:,} messages, {there.size:,} are there, or their "
+                    "log times are others",
+                    connection.topic,
+                )
 
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""

@@ -48,6 +48,12 @@ class BagFile(BlockFile):
 
         return GRAMMAR
 
+    def check(self) -> int:
+        """Go through the file from start to end; a bag has no CRCs."""
+        walk = Walk(self._second_store(), len(MAGIC + VERSION), self._describe)
+        self._compare(walk.chunks(), walk.store)
+        return self._store.crcs
+
     def _index(self, header: Record | None) -> BagIndex | None:
         names = (b"index_pos", b"conn_count", b"chunk_count")
         if header is None or header.op != BAG_HEADER or not header.fields.keys() >= set(names):

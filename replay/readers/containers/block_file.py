@@ -1,7 +1,7 @@
 """What containers share that are one file of blocks: ROS 1 bags and MCAP files."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from analysis.run import Loss
 from replay.decoding.batch import RawBatch
 from replay.readers.container import Connection
+from replay.readers.containers.block import Block
 from replay.readers.containers.block_store import BlockStore
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.records import Grammar
@@ -50,6 +51,17 @@ class BlockFile(ABC):
     def _new_store(self) -> BlockStore:
         return BlockStore(self._file, self._grammar, self._describe)
 
+    def _second_store(self) -> BlockStore:
+        """For another way through the file, whose damage is noted where the first one's is."""
+        store = self._new_store()
+        store.damage = self._store.damage
+        return store
+
+    def _compare(self, chunks: Iterable[Block], outside: BlockStore) -> None:
+        """Say which chunks, and which messages outside them, the first way did not come upon."""
+        found = [chunk.record_offset for chunk in chunks]
+        self._store.compare([*found, *outside.offsets])
+
     @property
     def losses(self) -> Sequence[Loss]:
         """What was found damaged so far."""
@@ -64,6 +76,10 @@ class BlockFile(ABC):
     ) -> Iterator[RawBatch]:
         """Messages in file order; a damaged chunk costs that chunk."""
         return self._store.batches(connection_ids, start_ns, end_ns)
+
+    @abstractmethod
+    def check(self) -> int:
+        """See `Container.check`."""
 
     def close(self) -> None:
         """Release the file."""

@@ -1,5 +1,6 @@
 """The container of an MCAP file: by its index where that is whole, else from start to end."""
 
+import zlib
 from io import BytesIO
 
 from mcap.data_stream import ReadDataStream
@@ -17,8 +18,9 @@ from replay.readers.containers.mcap_index import (
     damaged_block,
     indexed_times,
 )
-from replay.readers.containers.mcap_records import CHANNEL, MAGIC
+from replay.readers.containers.mcap_records import CHANNEL, MAGIC, RECORD_HEAD
 from replay.readers.containers.mcap_walk import Walk
+from replay.readers.containers.read_ahead import SLAB_BYTES
 from replay.readers.containers.records import Grammar
 
 
@@ -37,6 +39,7 @@ class McapFile(BlockFile):
             )
         summary = Summary(self._file)
         self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
+        self._is_sealed = summary.is_sealed
         self._take_index(summary)
         said = summary.message_count
         indexed = self._store.message_count
@@ -57,6 +60,26 @@ class McapFile(BlockFile):
         from replay.readers.containers.mcap_grammar import GRAMMAR
 
         return GRAMMAR
+
+    def check(self) -> int:
+        """Go through the file from start to end, and compare the CRCs of its data and summary."""
+        walk = Walk(self._second_store())
+        self._compare(walk.chunks(), walk.store)
+        if not (walk.data_end and walk.has_footer) and not self._store.damage:
+            self._store.damage.note("its records do not lead from its data to its footer")
+        return self._store.crcs + self._is_sealed + self._is_data_sealed(walk.data_end)
+
+    def _is_data_sealed(self, end: int) -> bool:
+        """Whether the data that end before `end` have a CRC, which agrees."""
+        said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
+        if not said:  # 0 says that the writer computed none
+            return False
+        crc = 0
+        for at in range(0, end, SLAB_BYTES):
+            crc = zlib.crc32(self._file.read(at, min(SLAB_BYTES, end - at)), crc)
+        if crc != said:
+            self._store.damage.note("the CRC of its data as a whole is wrong")
+        return crc == said
 
     def _take_index(self, summary: Summary) -> None:
         described = all(c.schema_id in {0, *summary.schemas} for c in summary.channels.values())

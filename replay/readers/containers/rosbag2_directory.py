@@ -180,6 +180,11 @@ class Rosbag2Directory:
                 self._path / METADATA, f"counts {counted:,} messages in all, {total:,} are there"
             )
 
+    def check(self) -> int:
+        """Check every file."""
+        self._compare_counts()
+        return sum(part.check() for part in self._parts)
+
     def close(self) -> None:
         """Release the files."""
         for part in self._parts:
