@@ -139,6 +139,18 @@ def _refuse_overlap(topic: str, parts: Mapping[Log, pl.DataFrame]) -> None:
             )
 
 
+def named_by_topic(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The frames by the names that a run has for them: `raw/imu/data` is that of `/imu/data`.
+
+    Where there is a topic `imu/data` as well, the name is its, and `/imu/data` keeps its slash:
+    `raw//imu/data`.
+    """
+    return {
+        f"raw/{topic if topic[1:] in raw else topic.removeprefix('/')}": frame
+        for topic, frame in raw.items()
+    }
+
+
 def provenance(
     logs: Iterable[Log],
     machine: Machine,
