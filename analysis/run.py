@@ -19,7 +19,10 @@ class InputFile(BaseModel):
 
 
 class Loss(BaseModel):
-    """What could not be read or used, in a sentence; `topic` is empty for a whole file."""
+    """What was recorded and is missing, altered or not provably there, in a sentence.
+
+    `topic` is empty for a whole file.
+    """
 
     model_config = ConfigDict(frozen=True)
 

@@ -26,7 +26,7 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
         for target in targets:
             _move(stage / target.name, target)
     except OSError as error:
-        raise OutputError(f"{targets[0]}: cannot be written ({error.strerror})") from None
+        raise OutputError(f"{targets[0]}: cannot be written ({error.strerror or error})") from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)
 

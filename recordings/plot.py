@@ -115,7 +115,15 @@ def _draw_views(
         axes.tick_params(labelsize=8)
         axes.set_ylim(axis_range(view, run))
         if len(drawn) > 1:
-            axes.legend(fontsize=6, loc="upper right", ncols=3)
+            # above the panel: inside it would hide the last of the curves
+            axes.legend(
+                fontsize=6,
+                loc="lower right",
+                bbox_to_anchor=(1, 1),
+                ncols=5,
+                frameon=False,
+                borderpad=0,
+            )
     rows[-1].set_xlim(span[0] / _NS, span[1] / _NS)
     rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=8)
 

@@ -1,7 +1,8 @@
 """What is in a log: the answer of `payscope info`, for people and for machines."""
 
+import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime, tzinfo
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ import polars as pl
 
 from analysis.run import Loss
 from analysis.stamps import FIRST_DATE_NS
-from replay.readers import Log, format_name
+from replay.readers import Checked, Log, format_name
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -31,6 +32,14 @@ class LogInfo:
     #: a row a topic, as `Log.topics` gives it
     topics: pl.DataFrame
     losses: tuple[Loss, ...]
+    #: what was read to check it; None where only the index was looked at
+    checked: Checked | None = None
+    check_s: float | None = None
+
+    @property
+    def is_whole(self) -> bool | None:
+        """Whether everything was read and nothing lost; None where it was not checked."""
+        return None if self.checked is None else not self.losses
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values."""
@@ -44,16 +53,25 @@ class LogInfo:
             "messages": self.messages,
             "topics": self.topics.to_dicts(),
             "losses": [loss.model_dump() for loss in self.losses],
+            "check": None
+            if self.checked is None
+            else {"whole": self.is_whole, **asdict(self.checked), "seconds": self.check_s},
         }
 
 
-def describe(log: Log) -> LogInfo:
-    """Describe a log without decoding its messages.
+def describe(log: Log, *, check: bool = False) -> LogInfo:
+    """Describe a log by its index, without decoding its messages.
+
+    Args:
+        log: opened.
+        check: whether to read and decode everything as well (`Log.check`).
 
     Raises:
         LogError: a table whose time column holds no times.
     """
     topics = log.topics()
+    begun = time.perf_counter()
+    checked = log.check() if check else None
     ends: dict[str, Any] = topics.select(
         pl.col("start_ns").min(), pl.col("end_ns").max(), pl.col("messages").sum()
     ).row(0, named=True)
@@ -68,6 +86,8 @@ def describe(log: Log) -> LogInfo:
         messages=ends["messages"],
         topics=topics,
         losses=log.losses(),
+        checked=checked,
+        check_s=time.perf_counter() - begun if check else None,
     )
 
 
@@ -78,7 +98,7 @@ def render(info: LogInfo, zone: tzinfo) -> "RenderableType":
 
     lines = [escape(line) for line in _head(info, zone)]
     troubles = [f"[yellow]![/] {escape(line)}" for line in _troubles(info)]
-    return Group(*lines, _topic_table(info), *troubles)
+    return Group(*lines, _topic_table(info), *_verdict(info), *troubles)
 
 
 def _head(info: LogInfo, zone: tzinfo) -> Iterator[str]:
@@ -87,6 +107,22 @@ def _head(info: LogInfo, zone: tzinfo) -> Iterator[str]:
         yield "no messages"
         return
     yield f"from {_when(info.start_ns, zone)}, {info.duration_s:,.3f} s, {info.messages:,} messages"
+
+
+def _verdict(info: LogInfo) -> Iterator[str]:
+    """What a check found, in a line that no log has which was not checked."""
+    if info.checked is None:
+        return
+    found, done = (
+        ("[green]checked and whole[/]", "decoded")
+        if info.is_whole
+        else ("[red]checked and not whole[/]", "read")
+    )
+    crcs = f"{info.checked.crcs:,} CRCs agree" if info.checked.crcs else "no CRC to compare"
+    yield (
+        f"{found}: {info.checked.messages:,} messages ({info.checked.message_bytes / 1e6:,.3f} MB) "
+        f"{done}, {crcs}, in {info.check_s:.2f} s"
+    )
 
 
 def _when(stamp_ns: int, zone: tzinfo) -> str:

@@ -100,8 +100,9 @@ def _filled_by(topic: str, machine: Machine) -> list[str]:
 
 def _unknown_topic(topic: str, has: Mapping[Log, set[str]], machine: Machine) -> str:
     """The fault, the choices and the remedy."""
+    meant = nearest(topic, set().union(*has.values()))
     return (
-        f"no topic '{topic}'; {nearest(topic, set().union(*has.values()))} "
+        f"no topic '{topic}'; {meant}{'' if meant.endswith('?') else '.'} "
         f"Set channels.{_filled_by(topic, machine)[0]}.topic in the machine file."
     )
 
@@ -136,6 +137,18 @@ def _refuse_overlap(topic: str, parts: Mapping[Log, pl.DataFrame]) -> None:
                 f"{second}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before it ends in "
                 f"{first}; logs of one time line follow each other: replay these one by one"
             )
+
+
+def named_by_topic(raw: Mapping[str, pl.DataFrame]) -> dict[str, pl.DataFrame]:
+    """The frames by the names that a run has for them: `raw/imu/data` is that of `/imu/data`.
+
+    Where there is a topic `imu/data` as well, the name is its, and `/imu/data` keeps its slash:
+    `raw//imu/data`.
+    """
+    return {
+        f"raw/{topic if topic[1:] in raw else topic.removeprefix('/')}": frame
+        for topic, frame in raw.items()
+    }
 
 
 def provenance(

@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import polars as pl
 
@@ -11,21 +9,19 @@ from analysis.machine import Channel, Machine
 from analysis.run import Loss
 from analysis.simulation import SimulatedLog
 from estimators.errors import LogError, nearest
+from replay.readers.base_log import BaseLog
+from replay.readers.protocol import Checked
 
 _STAMPS = ("log_time_ns", "header_stamp_ns")
 
 
-class MemoryLog:
+class MemoryLog(BaseLog):
     """The topics of a simulation as a log: fields are named as the machine file's channels."""
 
     def __init__(self, simulated: SimulatedLog) -> None:
+        # a name for messages; there is no file
+        super().__init__(Path(f"simulated_{simulated.load_kg:g}kg"))
         self._frames = simulated.topics
-        self._path = Path(f"simulated_{simulated.load_kg:g}kg")
-
-    @property
-    def path(self) -> Path:
-        """A name for messages; there is no file."""
-        return self._path
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -45,18 +41,14 @@ class MemoryLog:
             }
         )
 
-    def read(
-        self,
-        topic: str,
-        fields: Sequence[str],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-    ) -> pl.DataFrame:
-        """Fields of a topic, in log-time order.
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
 
-        Raises:
-            LogError: no such topic or field.
-        """
+    def _read(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
+    ) -> pl.DataFrame:
         if topic not in self._frames:
             raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._frames)}")
         frame = self._frames[topic]
@@ -70,29 +62,13 @@ class MemoryLog:
             frame = frame.filter(time <= end_ns)
         return frame.select(*_STAMPS, *fields).sort("log_time_ns", maintain_order=True)
 
-    def read_many(
-        self,
-        fields: Mapping[str, Sequence[str]],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-    ) -> dict[str, pl.DataFrame]:
-        """Fields of several topics; see `Log.read_many`."""
-        return {topic: self.read(topic, names, start_ns, end_ns) for topic, names in fields.items()}
+    def check(self) -> Checked:
+        """What is in memory needs no check."""
+        return Checked(sum(frame.height for frame in self._frames.values()), 0, 0)
 
     def losses(self) -> tuple[Loss, ...]:
         """None."""
         return ()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        pass
 
 
 def reading_memory(machine: Machine, simulated: SimulatedLog) -> Machine:

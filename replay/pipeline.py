@@ -16,7 +16,7 @@ from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
 from analysis.verdict import can_weigh, tells_inertia, verdict
-from replay.inputs import provenance, read_channels
+from replay.inputs import named_by_topic, provenance, read_channels
 from replay.readers.protocol import Log
 
 
@@ -62,7 +62,7 @@ def run(
 
     return Run(
         frames={
-            **{f"raw{'' if topic.startswith('/') else '/'}{topic}": f for topic, f in raw.items()},
+            **named_by_topic(raw),
             "aligned": aligned,
             "excitation": excitation,
             "gate": gated,

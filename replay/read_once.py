@@ -2,27 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 import polars as pl
 
 from analysis.run import Loss
-from replay.readers.protocol import Log
+from replay.readers.base_log import BaseLog
+from replay.readers.protocol import Checked, Log
 
 
-class ReadOnce:
+class ReadOnce(BaseLog):
     """Another log, with what was read of it kept; leaving this one leaves that one open."""
 
     def __init__(self, log: Log) -> None:
+        super().__init__(log.path)
         self._log = log
         self._topics: pl.DataFrame | None = None
         self._kept: dict[tuple[str, tuple[str, ...], int | None, int | None], pl.DataFrame] = {}
-
-    @property
-    def path(self) -> Path:
-        """The log's path."""
-        return self._log.path
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -35,21 +30,8 @@ class ReadOnce:
             self._topics = self._log.topics()
         return self._topics
 
-    def read(
-        self,
-        topic: str,
-        fields: Sequence[str],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-    ) -> pl.DataFrame:
-        """What the log reads, decoded the first time alone."""
-        return self.read_many({topic: fields}, start_ns, end_ns)[topic]
-
-    def read_many(
-        self,
-        fields: Mapping[str, Sequence[str]],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
         """What the log reads in one pass; topics that were decoded before are not read again."""
         wanted = {topic: (topic, tuple(names), start_ns, end_ns) for topic, names in fields.items()}
@@ -58,17 +40,10 @@ class ReadOnce:
             self._kept[wanted[topic]] = frame
         return {topic: self._kept[key] for topic, key in wanted.items()}
 
+    def check(self) -> Checked:
+        """Check the log."""
+        return self._log.check()
+
     def losses(self) -> tuple[Loss, ...]:
         """The log's losses."""
         return self._log.losses()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        pass

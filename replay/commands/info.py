@@ -1,5 +1,6 @@
 """`payscope info`: what is in a log."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -10,14 +11,24 @@ def command(
     logs: Annotated[list[Path], typer.Argument(help="Logs to describe.")],
     time: Annotated[str | None, typer.Option(help="The time column of a table.")] = None,
     time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Read and decode everything; status 1 if anything is lost."),
+    ] = False,
     timezone: Annotated[str, typer.Option(help="The time zone to read times in.")] = "UTC",
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
 ) -> None:
-    """Show topics, types, counts, rates, gaps and damage, without decoding the messages."""
+    """Show topics, types, counts, rates and gaps, by the log's index where it has one.
+
+    Damage shows only where that look came upon it. With --check every message of every topic is
+    read and walked to its end, every CRC compared and the index held against what is there: then
+    all damage shows, and the exit status is 1 unless the log is whole.
+    """
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
     from estimators.errors import LogError
     from replay.commands.printing import console, print_json
+    from replay.commands.progress import Stages
     from replay.info import describe, render
     from replay.readers import TimeAxis, open_log
 
@@ -29,14 +40,19 @@ def command(
         ) from None
     described: list[object] = []
     faults: list[LogError] = []
+    is_whole = True
     for path in logs:
         try:
-            with open_log(path, time=TimeAxis(time, time_unit) if time else None) as log:
-                shown = describe(log)
+            with (
+                open_log(path, time=TimeAxis(time, time_unit) if time else None) as log,
+                Stages(total=1) if check else nullcontext(),
+            ):
+                shown = describe(log, check=check)
         except LogError as error:
             # the other logs are still worth describing
             faults.append(error)
             continue
+        is_whole = is_whole and shown.is_whole is not False
         if as_json:
             described.append(shown.to_dict())
         else:
@@ -47,3 +63,5 @@ def command(
         typer.echo(f"payscope: {error}", err=True)
     if faults:
         raise faults[-1]
+    if not is_whole:
+        raise typer.Exit(1)

@@ -49,11 +49,9 @@ def replay_logs(
             names = ", ".join(map(str, logs))
             raise DataError(f"{names} with {machine_file}: {error}") from None
         if strict and result.provenance.losses:
-            first = result.provenance.losses[0]
-            raise LogError(
-                f"{first} ({len(result.provenance.losses)} losses in all; "
-                "leave out --strict to accept)"
-            )
+            first, *more = result.provenance.losses
+            others = f"and {len(more)} more; " if more else ""
+            raise LogError(f"{first} ({others}leave out --strict to accept)")
         if output is not None:
             stages.begin("record")
             write_recording(result, output, force=force, viewer=viewer)

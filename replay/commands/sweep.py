@@ -53,6 +53,7 @@ def command(
 
     With the truth of a simulation beside the logs, root mean square errors of the runs' masses as
     in the paper's Tables 3 and 4. A combination that cannot weigh is marked and has no mass.
+    Exit status 1 when none can.
     """
     from replay.commands.sweeping import print_sweep
 
@@ -61,7 +62,7 @@ def command(
     if reference_kg is not None and not 0.0 < reference_kg < math.inf:
         raise typer.BadParameter(f"--reference {reference_kg:g}: give a mass in kg, above 0")
     wanted = Format.json if as_json else output_format
-    print_sweep(
+    weighs = print_sweep(
         logs,
         machine,
         overrides or [],
@@ -71,3 +72,6 @@ def command(
         output=output,
         force=force,
     )
+    if not weighs:
+        typer.echo("No combination can weigh: every mass is withheld.", err=True)
+        raise typer.Exit(1)

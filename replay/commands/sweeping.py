@@ -38,8 +38,11 @@ def print_sweep(
     output_format: str | None,
     output: Path | None,
     force: bool,
-) -> None:
+) -> bool:
     """Sweep, and print the rows or write them to `output`.
+
+    Returns:
+        Whether any combination can weigh.
 
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.
@@ -55,15 +58,16 @@ def print_sweep(
         )
     if output is None and output_format == "table":
         console().print(_tables(rows))
-        return
-    print_frame(
-        _frame(rows),
-        output_format,
-        output,
-        force=force,
-        table=lambda: _text(_tables(rows)),
-        records=[_nested(row) for row in rows],
-    )
+    else:
+        print_frame(
+            _frame(rows),
+            output_format,
+            output,
+            force=force,
+            table=lambda: _text(_tables(rows)),
+            records=[_nested(row) for row in rows],
+        )
+    return any(row.answer["verdict"]["can_weigh"] for row in rows)
 
 
 def _nested(row: Row) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,9 @@ def print_frame(
         return
     with whole_file(output, force=force) as partial:
         if output_format == "parquet":
-            frame.write_parquet(partial)
+            # by way of memory: polars says of a full disk only that some computing failed
+            written = BytesIO()
+            frame.write_parquet(written)
+            partial.write_bytes(written.getvalue())
         else:
             partial.write_text(text(), encoding="utf-8")

@@ -68,6 +68,14 @@ class Container(Protocol):
         """
         ...
 
+    def check(self) -> int:
+        """Once all messages were read: check the rest of the files.
+
+        Returns:
+            How many CRCs agree, those of the messages among them.
+        """
+        ...
+
     def close(self) -> None:
         """Release the files."""
         ...

@@ -1,23 +1,24 @@
 """A log of messages: a container, the types of its topics, and the fields picked from them."""
 
-import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
 from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
-from replay.readers.container import Connection, Container, LossList
+from replay.readers.base_log import BaseLog
+from replay.readers.container import Connection, Container, LossList, no_times
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.fields import Field, FieldError, resolve
 from replay.readers.message_types import MessageType, leaves
+from replay.readers.protocol import Checked
 from replay.readers.topics import TOPICS_SCHEMA, timing
 
 if TYPE_CHECKING:
@@ -32,14 +33,12 @@ class _Topic:
     problem: str | None
 
 
-class MessageLog:
+class MessageLog(BaseLog):
     """A log whose topics hold messages: ROS 1 bag, MCAP, rosbag2."""
 
     def __init__(self, path: Path, open_container: Callable[[Path], Container]) -> None:
-        self.path = path
         self._container = open_container(path)
-        # closes also where nobody does: `run(open_log(path), machine)` is meant to be written
-        self._close = weakref.finalize(self, self._container.close)
+        super().__init__(path, self._container.close)
         self._read_losses = LossList()
 
     @property
@@ -74,24 +73,9 @@ class MessageLog:
             "decoder": decoder_name(topic.kind) if topic.kind else None,
         }
 
-    def read(
-        self,
-        topic: str,
-        fields: Sequence[str],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-    ) -> pl.DataFrame:
-        """Read fields of one topic; see `Log.read`."""
-        return self.read_many({topic: fields}, start_ns, end_ns)[topic]
-
-    def read_many(
-        self,
-        fields: Mapping[str, Sequence[str]],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
     ) -> dict[str, pl.DataFrame]:
-        """Read fields of several topics in one pass; see `Log.read_many`."""
-        self._check_open()
         readings = {topic: self._reading(topic, names) for topic, names in fields.items()}
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
@@ -124,45 +108,67 @@ class MessageLog:
             raise LogError(f"{self.path}: topic '{topic}' ({kind.record.name}): {error}") from error
 
     def _judge(self, topic: str, tally: Tally) -> None:
-        if not tally.undecodable:
-            return
         kind = self._topics[topic].kind
         assert kind is not None, "it was read"
-        total = tally.rows + tally.undecodable
-        if not tally.rows:
+        if tally.undecodable and not tally.rows:
             raise LogError(
-                f"{self.path}: topic '{topic}' cannot be read: none of its {total} messages fits "
-                f"the definition of {kind.record.name}: {tally.first_fault}"
+                f"{self.path}: topic '{topic}' cannot be read: none of its {tally.undecodable} "
+                f"messages fits the definition of {kind.record.name}: {tally.first_fault}"
             )
-        self._read_losses.note(
-            self.path,
-            f"{tally.undecodable} of {total} messages cannot be decoded: {tally.first_fault}",
-            topic,
-        )
+        self._note(topic, tally)
+
+    def _note(self, topic: str, tally: Tally) -> None:
+        if tally.undecodable:
+            total = tally.rows + tally.undecodable
+            self._read_losses.note(
+                self.path,
+                f"{tally.undecodable} of {total} messages cannot be decoded: {tally.first_fault}",
+                topic,
+            )
+
+    def check(self) -> Checked:
+        """Read and decode everything; see `Log.check`."""
+        self._check_open()
+        # without a field to gather, a message is still walked to its end
+        streams = {t: self._reading(t, ()) for t, topic in self._topics.items() if topic.kind}
+        topics = {c.id: c.topic for c in self._container.connections}
+        times = {key: [no_times()] for key in topics}
+        message_bytes = 0
+        for batch in self._container.batches(list(topics), None, None):
+            times[batch.connection_id].append(batch.log_times)
+            message_bytes += int(batch.lengths.sum())
+            if stream := streams.get(topics[batch.connection_id]):
+                stream.take(batch)
+        for topic, stream in streams.items():
+            stream.finish()
+            self._note(topic, stream.tally)
+        crcs = self._container.check()
+        found = {key: np.concatenate(parts) for key, parts in times.items()}
+        if not self._container.losses:  # which would be why they differ
+            self._compare_index(found)
+        return Checked(sum(each.size for each in found.values()), message_bytes, crcs)
+
+    def _compare_index(self, found: Mapping[int, NDArray[np.int64]]) -> None:
+        """Say where the log times (n,) of the messages, by connection, are not the index's."""
+        for connection in self._container.connections:
+            there, said = found[connection.id], self._container.log_times(connection.id)
+            if not np.array_equal(np.sort(there), np.sort(said)):
+                self._read_losses.note(
+                    self.path,
+                    f"the index says {said.size:,} messages, {there.size:,} are there, or their "
+                    "log times are others",
+                    connection.topic,
+                )
 
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""
-        undecodable = (
+        # before the container's losses: counting messages may find some
+        undecodable = [
             Loss(source=self.path.name, topic=row["topic"], what=row["problem"])
             for row in self.topics().iter_rows(named=True)
             if row["problem"] and row["messages"]
-        )
+        ]
         return (*self._container.losses, *undecodable, *self._read_losses)
-
-    def _check_open(self) -> None:
-        if not self._close.alive:
-            raise LogError(f"{self.path}: the log was closed; open it again")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._close()
 
 
 def _agree(connections: tuple[Connection, ...]) -> _Topic:

@@ -11,6 +11,17 @@ import polars as pl
 from analysis.run import Loss
 
 
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What was read to check a log."""
+
+    messages: int
+    #: of the messages, unpacked
+    message_bytes: int
+    #: that agree; most formats have none
+    crcs: int
+
+
 class Log(Protocol):
     """An opened log. Open it with `replay.open_log`, use it as a context manager."""
 
@@ -87,6 +98,14 @@ class Log(Protocol):
 
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far: damage, topics without a decoder."""
+        ...
+
+    def check(self) -> Checked:
+        """Read everything and believe no index; what is wrong is then among the losses.
+
+        Every message of every topic is walked or decoded to its end, every CRC compared, and what
+        an index says compared with what is there.
+        """
         ...
 
     def __enter__(self) -> Self: ...

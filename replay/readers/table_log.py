@@ -2,18 +2,19 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import polars as pl
 from polars.exceptions import PolarsError
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
+from replay.readers.base_log import BaseLog
 from replay.readers.container import LossList
-from replay.readers.protocol import TimeAxis
+from replay.readers.csv_table import scan_csv
+from replay.readers.protocol import Checked, TimeAxis
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
 from replay.readers.topics import TOPICS_SCHEMA, timing
 
@@ -23,11 +24,11 @@ _NAMED: Final = 20
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
 
 
-class TableLog:
+class TableLog(BaseLog):
     """A table whose rows are the messages of one topic. Columns are read as they are asked for."""
 
     def __init__(self, path: Path, time: TimeAxis | None) -> None:
-        self.path = path
+        super().__init__(path)
         self._losses = LossList()
         self._format = path.suffix.lower().removeprefix(".")
         try:
@@ -45,16 +46,7 @@ class TableLog:
     def _scan(self) -> pl.LazyFrame:
         if self._format == "parquet":
             return pl.scan_parquet(self.path, glob=False)
-        strict = _scan_csv(self.path, cut_long_rows=False)
-        try:
-            # polars notices a row that is too long only when it is to parse every column
-            strict.select(pl.all().count()).collect(engine="streaming")
-        except PolarsError:
-            self._losses.note(
-                self.path, "rows with more cells than the header: what is too much is not read"
-            )
-            return _scan_csv(self.path, cut_long_rows=True)
-        return strict
+        return scan_csv(self.path, partial(self._losses.note, self.path))
 
     def _find_axis(self, given: TimeAxis | None) -> TimeAxis:
         columns = self._schema.names()
@@ -63,9 +55,10 @@ class TableLog:
                 f"{self.path}: no unit of time '{given.unit}'; use {', '.join(NS_PER_UNIT)}"
             )
         if given is not None and given.column not in columns:
+            meant = nearest(given.column, columns)
             raise LogError(
                 f"{self.path}: no column '{given.column}' for the time; "
-                f"{nearest(given.column, columns)}. Set [log] time in the machine file"
+                f"{meant}{'' if meant.endswith('?') else '.'} Set [log] time in the machine file"
             )
         axis = given or guess_axis(columns)
         if axis is None and len(columns) == 1 and re.search(r"[;\t]", columns[0]):
@@ -128,14 +121,14 @@ class TableLog:
         }
         return pl.DataFrame([row], schema=TOPICS_SCHEMA)
 
-    def read(
-        self,
-        topic: str,
-        fields: Sequence[str],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
+    def _read_many(
+        self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
+    ) -> dict[str, pl.DataFrame]:
+        return {t: self._read(t, names, start_ns, end_ns) for t, names in fields.items()}
+
+    def _read(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
-        """Read columns of the table; see `Log.read`."""
         if topic != TOPIC:
             raise LogError(f"{self.path}: no topic '{topic}'; a table has the one topic '{TOPIC}'")
         choices = self._fields()
@@ -153,15 +146,6 @@ class TableLog:
         if end_ns is not None:
             inside &= pl.col("log_time_ns") <= end_ns
         return frame.filter(inside).sort("log_time_ns", maintain_order=True)
-
-    def read_many(
-        self,
-        fields: Mapping[str, Sequence[str]],
-        start_ns: int | None = None,
-        end_ns: int | None = None,
-    ) -> dict[str, pl.DataFrame]:
-        """Read columns of the one topic; see `Log.read_many`."""
-        return {topic: self.read(topic, names, start_ns, end_ns) for topic, names in fields.items()}
 
     def _values(self, name: str) -> pl.Series:
         values = self._column(name)
@@ -201,34 +185,23 @@ class TableLog:
             )
         return numbers
 
+    def check(self) -> Checked:
+        """Read every column; see `Log.check`."""
+        self._check_open()
+        fields = self._fields()
+        message_bytes = 0
+        for name in self._schema:
+            try:
+                column = self._values(name) if name in fields else self._column(name)
+            except LogError as error:
+                self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TOPIC)
+            else:
+                message_bytes += int(column.estimated_size())
+        return Checked(self._times.count(), message_bytes, crcs=0)
+
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""
         return tuple(self._losses)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Nothing stays open."""
-
-
-def _scan_csv(path: Path, *, cut_long_rows: bool) -> pl.LazyFrame:
-    """A CSV as text, because a fault in a cell should cost that cell.
-
-    Rows with too few cells end in nulls.
-    """
-    return pl.scan_csv(
-        path,
-        infer_schema=False,
-        glob=False,
-        encoding="utf8-lossy",
-        truncate_ragged_lines=cut_long_rows,
-    )
 
 
 def _line(error: BaseException) -> str:

@@ -8,6 +8,7 @@ import polars as pl
 import pytest
 
 from recordings import read_recording
+from tests.replay.readers.damaged import chunks, overwrite
 from tests.replay.readers.written_logs import Joints, write_mcap
 from tests.replay.sledge import Payscope, one_line, sledge
 
@@ -222,6 +223,44 @@ class TestInfo:
         told = json.loads(payscope("info", log, "--json").out)
         assert told["messages"] == 4000
         assert told["topics"][0]["topic"] == "table"
+
+    def test_a_check_of_whole_logs_says_what_it_read_and_leaves_with_0(
+        self, payscope: Payscope, log: Path, shared_data: Path
+    ) -> None:
+        said = payscope("info", log, shared_data / "bags/talker.mcap", "--check")
+        assert said.status == 0
+        assert "checked and whole: 4,000 messages" in said.out
+        assert "checked and whole: 20 messages (0.002 MB) decoded, 2 CRCs agree, in" in said.out
+        assert "checked" not in payscope("info", log).out
+
+    def test_a_check_of_a_damaged_log_leaves_with_1_and_a_plain_look_with_0(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "shift.mcap"
+        write_mcap(path, [Joints(1000 + k, {"left": 1.0}) for k in range(100)])
+        overwrite(path, chunks(path)[0].chunk_start_offset + 100, bytes(20))
+        assert payscope("info", path).status == 0
+        said = payscope("info", log, path, "--check")
+        assert said.status == 1
+        assert "checked and whole: 4,000 messages" in said.out
+        assert "checked and not whole: 0 messages (0.000 MB) read" in said.out
+        assert "! shift.mcap: the chunk at byte" in said.out
+
+    def test_json_tells_a_check_from_none(self, payscope: Payscope, log: Path) -> None:
+        assert json.loads(payscope("info", log, "--json").out)["check"] is None
+        check = json.loads(payscope("info", log, "--json", "--check").out)["check"]
+        assert (check["whole"], check["messages"], check["crcs"]) == (True, 4000, 0)
+        assert check["message_bytes"] > 0
+        assert check["seconds"] > 0
+
+    def test_a_log_that_cannot_be_opened_counts_more_than_one_that_is_not_whole(
+        self, payscope: Payscope, log: Path, tmp_path: Path
+    ) -> None:
+        log.write_bytes(log.read_bytes()[:-40])
+        said = payscope("info", log, tmp_path / "no.bag", "--check")
+        assert said.status == 2
+        assert "checked and not whole" in said.out
+        assert "no such file" in said.err
 
     def test_wrong_time_zone(self, payscope: Payscope, log: Path) -> None:
         one_line(payscope("info", log, "--timezone", "Mars/Base"), "Mars/Base")

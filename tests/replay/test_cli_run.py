@@ -109,6 +109,13 @@ class TestRun:
         assert not out.exists()
         assert payscope("run", holed, "-m", machine_file, "-o", out).status == 0
 
+    def test_strict_refuses_a_log_that_was_torn_in_the_middle_of_a_row(
+        self, payscope: Payscope, machine_file: Path, log: Path
+    ) -> None:
+        log.write_bytes(log.read_bytes()[:-40])
+        said = payscope("run", log, "-m", machine_file, "--strict")
+        one_line(said, "sledge.csv: its last row", "is torn", "(leave out --strict to accept)")
+
 
 def test_the_installed_command_answers(tmp_path: Path) -> None:
     script = Path(sys.executable).with_name("payscope")

@@ -4,13 +4,16 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from estimators.errors import LogError
+from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
-from replay.inputs import read_channels
+from replay.inputs import named_by_topic, read_channels
 from tests.replay.readers.written_logs import Joints, write_mcap
-from tests.replay.sledge import sledge
+from tests.replay.sledge import MACHINE, sledge
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -23,6 +26,38 @@ def read(machine_file: Path, *tables: pl.DataFrame) -> pl.DataFrame:
         table.write_csv(logs[-1])
     raw, _ = read_channels([open_log(path) for path in logs], load_machine(machine_file))
     return raw["table"]
+
+
+@given(st.sets(st.text("/ab", max_size=4)))
+def test_topics_have_distinct_names_in_a_run_whatever_they_are(topics: set[str]) -> None:
+    named = named_by_topic({topic: pl.DataFrame({"of": [topic]}) for topic in topics})
+    assert {frame.item() for frame in named.values()} == topics
+    assert all(name.startswith("raw/") for name in named)
+
+
+def test_a_topic_with_a_slash_and_one_without_are_two_in_the_recording(tmp_path: Path) -> None:
+    log, machine_file = tmp_path / "shift.mcap", tmp_path / "sledge.toml"
+    recorded = [
+        Joints(round(row["time_s"] * 1e9) + 1, {joint: row[joint]}, topic=topic)
+        for row in sledge(20.0).iter_rows(named=True)
+        for topic, joint in (("/drive", "force_N"), ("drive", "speed_m_s"), ("/acc", "acc_m_s2"))
+    ]
+    write_mcap(log, recorded)
+    machine_file.write_text(
+        MACHINE.replace('[log]\ntime = "time_s"\n', "")
+        .replace('field = "force_N"', 'topic = "/drive"\nfield = "effort[force_N]"')
+        .replace('field = "speed_m_s"', 'topic = "drive"\nfield = "effort[speed_m_s]"')
+        .replace('field = "acc_m_s2"', 'topic = "/acc"\nfield = "effort[acc_m_s2]"')
+    )
+    result = run(open_log(log), load_machine(machine_file))
+    fields = {name: f.columns[-1] for name, f in result.frames.items() if name.startswith("raw/")}
+    assert fields == {
+        "raw//drive": "effort[force_N]",
+        "raw/drive": "effort[speed_m_s]",
+        "raw/acc": "effort[acc_m_s2]",
+    }
+    write_recording(result, tmp_path / "shift.rrd")
+    assert read_recording(tmp_path / "shift.rrd") == result
 
 
 def test_logs_in_any_order_are_one_time_line(machine_file: Path) -> None:
@@ -110,7 +145,7 @@ def test_a_hint_whose_topic_is_missing_or_empty_is_a_loss_and_stops_nothing(
     hinted = plain.model_copy(update={"channels": {**plain.channels, "latitude_deg": hint}})
     result = run(open_log(tmp_path / "shift.csv"), hinted)
     assert [str(loss) for loss in result.provenance.losses] == [
-        "shift.csv: no topic '/gps'; known: table "
+        "shift.csv: no topic '/gps'; known: table. "
         "Set channels.latitude_deg.topic in the machine file."
     ]
     without = run(open_log(tmp_path / "shift.csv"), plain)

@@ -51,28 +51,45 @@ def test_a_full_disk_behind_stdout_is_one_line(recording: Path, words: list[str]
     assert left.stderr == "payscope: stdout: No space left on device\n"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
-def test_a_disk_that_fills_up_under_a_recording_is_one_line_and_leaves_nothing(
-    log: Path, machine_file: Path, tmp_path: Path
-) -> None:
-    """A limit on the size of files makes the write fail as a full disk does."""
-    out = tmp_path / "full" / "out.rrd"
-    out.parent.mkdir()
-    limited = (
-        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)); "
+def limited(size: int, *words: object) -> "subprocess.CompletedProcess[str]":
+    """The command where a file may have `size` bytes, so that writing fails as on a full disk."""
+    limit = (
+        f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
         "from replay.cli import main; main()"
     )
-    left = subprocess.run(
-        [sys.executable, "-c", limited, "run", log, "-m", machine_file, "-o", out],
+    return subprocess.run(
+        [sys.executable, "-c", limit, *words],
         capture_output=True,
         text=True,
         check=False,
         timeout=120,
     )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
+def test_a_disk_that_fills_up_under_a_recording_is_one_line_and_leaves_nothing(
+    log: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "full" / "out.rrd"
+    out.parent.mkdir()
+    left = limited(100_000, "run", log, "-m", machine_file, "-o", out)
     assert left.returncode == 2
     assert left.stderr == (
         f"payscope: {out}: cannot be written beyond 100000 bytes; is the disk full?\n"
     )
+    assert list(out.parent.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files have no limit there")
+@pytest.mark.parametrize("suffix", [".csv", ".json", ".parquet"])
+def test_a_disk_that_fills_up_under_a_table_is_one_line_and_leaves_nothing(
+    recording: Path, tmp_path: Path, suffix: str
+) -> None:
+    out = tmp_path / "full" / f"aligned{suffix}"
+    out.parent.mkdir()
+    left = limited(1_000, "show", recording, "aligned", "-o", out)
+    assert left.returncode == 2
+    assert left.stderr == f"payscope: {out}: cannot be written (File too large)\n"
     assert list(out.parent.iterdir()) == []
 
 

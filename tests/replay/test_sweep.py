@@ -62,6 +62,17 @@ def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
     assert "no: accepted_stretches" in table.out
 
 
+@pytest.mark.parametrize("words", [[], ["--format", "csv"], ["--json"]], ids=str)
+def test_when_no_combination_can_weigh_the_answer_is_no_as_of_run(
+    payscope: Payscope, log: Path, machine_file: Path, words: list[str]
+) -> None:
+    over = "settings.threshold_nat=50,60"
+    said = payscope("sweep", log, "-m", machine_file, "--over", over, *words)
+    assert said.status == 1
+    assert said.out.count("accepted_stretches") >= 2
+    assert said.err == "No combination can weigh: every mass is withheld.\n"
+
+
 def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
     payscope: Payscope, tmp_path: Path
 ) -> None:

@@ -1,15 +1,8 @@
 """The container of a ROS 1 bag (version 2.0): by its index where it is whole, else from start."""
 
-from collections.abc import Collection, Iterator, Sequence
-from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys.msg import normalize_msgtype
 
-from analysis.run import Loss
 from estimators.errors import LogError
-from replay.decoding.batch import RawBatch
 from replay.readers.container import Connection
 from replay.readers.containers.bag_index import BagIndex, chunk_block, indexed_times, read_index
 from replay.readers.containers.bag_records import (
@@ -22,50 +15,44 @@ from replay.readers.containers.bag_records import (
 )
 from replay.readers.containers.bag_walk import Walk
 from replay.readers.containers.block import Block
-from replay.readers.containers.block_store import BlockStore
-from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.block_file import BlockFile
 from replay.readers.containers.records import Grammar
 
 
-def _grammar() -> Grammar:
-    from replay.readers.containers.bag_grammar import GRAMMAR
-
-    return GRAMMAR
-
-
-class BagFile:
+class BagFile(BlockFile):
     """A ROS 1 bag. One without an index (the recorder crashed) is surveyed at opening."""
 
-    def __init__(self, path: Path) -> None:
-        self.files: tuple[Path, ...] = (path,)
-        self._file = FileBytes(path)
-        try:
-            head = self._file.read(0, len(MAGIC + VERSION))
-            if not head.startswith(MAGIC):
-                raise LogError(f"{path}: not a ROS 1 bag; it does not start with '#ROSBAG V2.0'")
-            if not head.endswith(VERSION):
-                version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
-                raise LogError(
-                    f"{path}: a bag of version {version}, only 2.0 can be read; "
-                    f"'rosbag fix {path.name}' brings it to 2.0"
-                )
-            self._open(len(head))
-        except BaseException:
-            self._file.close()
-            raise
-
-    def _open(self, begin: int) -> None:
+    def _open(self) -> tuple[Connection, ...]:
+        path = self._file.path
+        head = self._file.read(0, len(MAGIC + VERSION))
+        if not head.startswith(MAGIC):
+            raise LogError(f"{path}: not a ROS 1 bag; it does not start with '#ROSBAG V2.0'")
+        if not head.endswith(VERSION):
+            version = head.removeprefix(MAGIC).split(b"\n")[0].decode(errors="replace")
+            raise LogError(
+                f"{path}: a bag of version {version}, only 2.0 can be read; "
+                f"'rosbag fix {path.name}' brings it to 2.0"
+            )
         self._connections: dict[int, Connection] = {}
-        self._store = BlockStore(self._file, _grammar, self._describe)
-        header = read_record(self._file, begin)
+        header = read_record(self._file, len(head))
         index = self._index(header)
         if index is not None:
             self._take(index)
         else:
-            self._walk(begin, header)
-        self.connections: tuple[Connection, ...] = tuple(self._connections.values())
-        self._topics = {c.id: c.topic for c in self.connections}
-        self._store.finish(self._topics)
+            self._walk(len(head), header)
+        return tuple(self._connections.values())
+
+    @staticmethod
+    def _grammar() -> Grammar:
+        from replay.readers.containers.bag_grammar import GRAMMAR
+
+        return GRAMMAR
+
+    def check(self) -> int:
+        """Go through the file from start to end; a bag has no CRCs."""
+        walk = Walk(self._second_store(), len(MAGIC + VERSION), self._describe)
+        self._compare(walk.chunks(), walk.store)
+        return self._store.crcs
 
     def _index(self, header: Record | None) -> BagIndex | None:
         names = (b"index_pos", b"conn_count", b"chunk_count")
@@ -134,22 +121,3 @@ class BagFile:
                 inner.get(b"message_definition", b"").decode(errors="replace"),
                 "ros1msg",
             )
-
-    @property
-    def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
-        return self._store.damage.losses(self._topics)
-
-    def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a connection, from the index or from the survey at opening."""
-        return self._store.log_times(connection_id)
-
-    def batches(
-        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawBatch]:
-        """Messages in file order; a damaged chunk costs that chunk."""
-        return self._store.batches(connection_ids, start_ns, end_ns)
-
-    def close(self) -> None:
-        """Release the file."""
-        self._file.close()

@@ -43,6 +43,8 @@ class BlockStore:
         self._blocks: list[Block] = []
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
+        #: the CRCs that agree, by where their blocks begin
+        self._sealed: set[int] = set()
 
     @cached_property
     def grammar(self) -> Grammar:
@@ -55,9 +57,26 @@ class BlockStore:
         return sum(sum(block.counts.values()) for block in self._blocks)
 
     @property
+    def crcs(self) -> int:
+        """CRCs that were compared so far and agree."""
+        return len(self._sealed)
+
+    @property
     def last_ns(self) -> int | None:
         """The latest log time, None without messages."""
         return max((b.last_ns for b in self._blocks if b.counts), default=None)
+
+    @property
+    def offsets(self) -> Iterator[int]:
+        """Where the blocks begin that hold messages."""
+        return (block.record_offset for block in self._blocks if block.counts)
+
+    def compare(self, offsets: Iterable[int]) -> None:
+        """Say which blocks, by where they begin, are in the file and not here."""
+        known = {block.record_offset for block in self._blocks}
+        for offset in offsets:
+            if offset not in known and not self.damage.is_lost(offset):
+                self.damage.note(f"the index leaves out what begins at byte {offset}: not read")
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
@@ -80,6 +99,7 @@ class BlockStore:
             for block, first, last, unread in slab.parts:
                 self.add_rows(block, slab.data, slab.rows[:, first:last])
                 self._judge_unread(block, unread)
+                self._seal(block)
 
     def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
         """Add a block with the rows that scanning it gave."""
@@ -136,6 +156,7 @@ class BlockStore:
             self.damage.lose(block, why)
         for block, first, last, unread in slab.parts:
             self._judge_unread(block, unread)
+            self._seal(block)
             held = int(np.count_nonzero(slab.rows[KEY, first:last] >= 0))
             said = sum(block.counts.values())
             if held != said:
@@ -143,6 +164,10 @@ class BlockStore:
                     f"the chunk at byte {block.record_offset} holds {held:,} whole messages where "
                     f"its index counts {said:,}"
                 )
+
+    def _seal(self, block: Block) -> None:
+        if block.crc and not block.is_torn:
+            self._sealed.add(block.record_offset)
 
     def _judge_unread(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:

@@ -37,6 +37,10 @@ class Damage:
         """Anything else."""
         self._sentences[topic, what] = None
 
+    def is_lost(self, offset: int) -> bool:
+        """Whether the block that begins there is not used."""
+        return offset in self._blocks
+
     def __bool__(self) -> bool:
         return bool(self._blocks or self._gaps or self._sentences)
 

@@ -1,41 +1,30 @@
 """The container of an MCAP file: by its index where that is whole, else from start to end."""
 
-from collections.abc import Collection, Iterator, Sequence
+import zlib
 from io import BytesIO
-from pathlib import Path
 
-import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
-from numpy.typing import NDArray
 from rosbags.typesys.msg import normalize_msgtype
 
-from analysis.run import Loss
 from estimators.errors import LogError
-from replay.decoding.batch import RawBatch
 from replay.readers.container import BROKEN_BYTES, Connection
 from replay.readers.containers.block import Block
-from replay.readers.containers.block_store import BlockStore
-from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.block_file import BlockFile
 from replay.readers.containers.mcap_index import (
     Summary,
     chunk_block,
     damaged_block,
     indexed_times,
 )
-from replay.readers.containers.mcap_records import CHANNEL, MAGIC
+from replay.readers.containers.mcap_records import CHANNEL, MAGIC, RECORD_HEAD
 from replay.readers.containers.mcap_walk import Walk
+from replay.readers.containers.read_ahead import SLAB_BYTES
 from replay.readers.containers.records import Grammar
 
 
-def _grammar() -> Grammar:
-    from replay.readers.containers.mcap_grammar import GRAMMAR
-
-    return GRAMMAR
-
-
-class McapFile:
+class McapFile(BlockFile):
     """An MCAP file.
 
     The index is used only if it accounts for every message: chunks without a message index,
@@ -43,37 +32,54 @@ class McapFile:
     all found in files of the field. What it does not account for is surveyed at opening.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.files: tuple[Path, ...] = (path,)
-        self._file = FileBytes(path)
-        try:
-            if self._file.read(0, len(MAGIC)) != MAGIC:
-                raise LogError(f"{path}: not an MCAP file; it does not start with the MCAP magic")
-            self._open()
-        except BaseException:
-            self._file.close()
-            raise
-
-    def _open(self) -> None:
+    def _open(self) -> tuple[Connection, ...]:
+        if self._file.read(0, len(MAGIC)) != MAGIC:
+            raise LogError(
+                f"{self._file.path}: not an MCAP file; it does not start with the MCAP magic"
+            )
         summary = Summary(self._file)
         self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
-        self._store = BlockStore(self._file, _grammar, self._describe)
+        self._is_sealed = summary.is_sealed
         self._take_index(summary)
         said = summary.message_count
-        if self._store.message_count != said and not self._store.damage:
-            indexed = self._store
-            if said is not None or not indexed.message_count:
-                self._store = BlockStore(self._file, _grammar, self._describe)
-                self._walk()
+        indexed = self._store.message_count
+        is_enough = indexed == said or (said is None and indexed)
+        if not is_enough and not self._store.damage:
+            self._store = self._new_store()
+            self._walk(summary.fault)
         found = self._store.message_count
         if said not in (None, found) and not self._store.damage:
             self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
-        self.connections: tuple[Connection, ...] = tuple(
+        return tuple(
             _connection(channel, self._schemas.get(channel.schema_id))
             for channel in self._channels.values()
         )
-        self._topics = {c.id: c.topic for c in self.connections}
-        self._store.finish(self._topics)
+
+    @staticmethod
+    def _grammar() -> Grammar:
+        from replay.readers.containers.mcap_grammar import GRAMMAR
+
+        return GRAMMAR
+
+    def check(self) -> int:
+        """Go through the file from start to end, and compare the CRCs of its data and summary."""
+        walk = Walk(self._second_store())
+        self._compare(walk.chunks(), walk.store)
+        if not (walk.data_end and walk.has_footer) and not self._store.damage:
+            self._store.damage.note("its records do not lead from its data to its footer")
+        return self._store.crcs + self._is_sealed + self._is_data_sealed(walk.data_end)
+
+    def _is_data_sealed(self, end: int) -> bool:
+        """Whether the data that end before `end` have a CRC, which agrees."""
+        said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
+        if not said:  # 0 says that the writer computed none
+            return False
+        crc = 0
+        for at in range(0, end, SLAB_BYTES):
+            crc = zlib.crc32(self._file.read(at, min(SLAB_BYTES, end - at)), crc)
+        if crc != said:
+            self._store.damage.note("the CRC of its data as a whole is wrong")
+        return crc == said
 
     def _take_index(self, summary: Summary) -> None:
         described = all(c.schema_id in {0, *summary.schemas} for c in summary.channels.values())
@@ -92,11 +98,16 @@ class McapFile:
         if unknown:
             self._store.survey(unknown)
 
-    def _walk(self) -> None:
-        """Go through the file, from start to end."""
+    def _walk(self, fault: str) -> None:
+        """Go through the file, from start to end; `fault` says why its index is of no use."""
         walk = Walk(self._store)
         self._store.survey(walk.chunks())
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
+            if fault:
+                self._store.damage.note(
+                    f"{fault}: torn or damaged behind its data, which has its proper end and is "
+                    "read from start to end"
+                )
             return
         size, last_ns = self._file.size, self._store.last_ns
         until = "" if last_ns is None else f", the last at log time {last_ns} ns"
@@ -105,38 +116,19 @@ class McapFile:
             f"is read{until}; {size - walk.whole:,} bytes are lost or of a torn record"
         )
 
-    def _describe(self, opcode: int, content: bytes) -> None:
+    def _describe(self, op: int, content: bytes) -> None:
         """Keep a channel or a schema, the first of each number."""
         stream = ReadDataStream(BytesIO(content))
         try:
-            if opcode == CHANNEL:
+            if op == CHANNEL:
                 channel = Channel.read(stream)
                 self._channels.setdefault(channel.id, channel)
             else:
                 schema = Schema.read(stream)
                 self._schemas.setdefault(schema.id, schema)
         except (McapError, *BROKEN_BYTES) as error:
-            kind = "channel" if opcode == CHANNEL else "schema"
+            kind = "channel" if op == CHANNEL else "schema"
             self._store.damage.note(f"the record of a {kind} is damaged: {error}")
-
-    @property
-    def losses(self) -> Sequence[Loss]:
-        """What was found damaged so far."""
-        return self._store.damage.losses(self._topics)
-
-    def log_times(self, connection_id: int) -> NDArray[np.int64]:
-        """The log times of a channel, from the index or from the survey at opening."""
-        return self._store.log_times(connection_id)
-
-    def batches(
-        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawBatch]:
-        """Messages in file order; a damaged chunk costs that chunk."""
-        return self._store.batches(connection_ids, start_ns, end_ns)
-
-    def close(self) -> None:
-        """Release the file."""
-        self._file.close()
 
 
 def _connection(channel: Channel, schema: Schema | None) -> Connection:

@@ -34,17 +34,29 @@ _LONGEST_NAME: Final = 32
 _INT64_MAX: Final = 2**63 - 1
 
 
+class SummaryError(Exception):
+    """Why the summary is not used, in a few words."""
+
+
 class Summary:
     """What the summary repeats of the file; empty where there is none, or it is damaged."""
 
     def __init__(self, file: FileBytes) -> None:
+        #: why it is not used, empty where nothing is wrong
+        self.fault = ""
         self.channels: dict[int, Channel] = {}
         self.schemas: dict[int, Schema] = {}
         self.chunks: list[ChunkIndex] = []
         self.message_count: int | None = None
+        #: whether it has a CRC, which agrees
+        self.is_sealed = False
         try:
-            records = list(_summary_records(file))
-        except (McapError, *BROKEN_BYTES):
+            records = list(self._records(file))
+        except SummaryError as fault:
+            self.fault = str(fault)
+            return
+        except (McapError, *BROKEN_BYTES) as fault:
+            self.fault = f"its summary cannot be read ({' '.join(str(fault).split())})"
             return
         for record in records:
             if isinstance(record, Channel):
@@ -56,18 +68,21 @@ class Summary:
             elif isinstance(record, Statistics):
                 self.message_count = record.message_count
 
-
-def _summary_records(file: FileBytes) -> Iterator[McapRecord]:
-    end = file.size - len(MAGIC)
-    opcode, _, start, _, crc = _FOOTER.unpack(file.read(end - _FOOTER.size, _FOOTER.size))
-    if opcode != FOOTER or not start or file.read(end, len(MAGIC)) != MAGIC:
-        return
-    section = file.read(start, end - start)
-    # 0 says that the writer computed none; it covers all but itself
-    if crc and zlib.crc32(section[:-4]) != crc:
-        return
-    stream = BytesIO(section + MAGIC)
-    yield from StreamReader(stream, skip_magic=True, record_size_limit=len(section)).records
+    def _records(self, file: FileBytes) -> Iterator[McapRecord]:
+        end = file.size - len(MAGIC)
+        footer = file.read(end - _FOOTER.size, _FOOTER.size)
+        if len(footer) < _FOOTER.size or footer[0] != FOOTER or file.read(end, len(MAGIC)) != MAGIC:
+            raise SummaryError("does not end with a footer and the MCAP magic")
+        _, _, start, _, crc = _FOOTER.unpack(footer)
+        if not start:
+            return
+        section = file.read(start, end - start)
+        # 0 says that the writer computed none; it covers all but itself
+        if crc and zlib.crc32(section[:-4]) != crc:
+            raise SummaryError("the CRC of its summary is wrong")
+        self.is_sealed = crc != 0
+        stream = BytesIO(section + MAGIC)
+        yield from StreamReader(stream, skip_magic=True, record_size_limit=len(section)).records
 
 
 def chunk_block(file: FileBytes, offset: int) -> Block | None:

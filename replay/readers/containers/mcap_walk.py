@@ -32,6 +32,8 @@ class Walk:
     whole: int = len(MAGIC)
     data_ended: bool = False
     has_footer: bool = False
+    #: where the record begins that ends the data; 0 where there is none
+    data_end: int = 0
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
@@ -59,5 +61,6 @@ class Walk:
                 self.store.damage.skip(at, end)
             elif opcode in (DATA_END, FOOTER):
                 self.data_ended = True
+                self.data_end = at if opcode == DATA_END else self.data_end
                 self.has_footer = opcode == FOOTER
             self.whole = at = end

@@ -55,6 +55,11 @@ class Rosbag2Directory:
     def _read_metadata(self) -> Metadata:
         names = tuple(sorted((p.name for p in storage_files(self._path)), key=_by_number))
         if not (self._path / METADATA).exists():
+            what = (
+                "is not there, so its recorder did not end or files were left behind: what is here "
+                "is read by name, nothing tells whether it is all"
+            )
+            self._losses.note(self._path / METADATA, what)
             return Metadata(names)
         try:
             return read_metadata(self._path)
@@ -169,6 +174,16 @@ class Rosbag2Directory:
                     f"counts {topic.messages:,} messages, {held[topic.name]:,} are there",
                     topic.name,
                 )
+        counted, total = self._metadata.messages, held.total()
+        if counted not in (None, total):
+            self._losses.note(
+                self._path / METADATA, f"counts {counted:,} messages in all, {total:,} are there"
+            )
+
+    def check(self) -> int:
+        """Check every file."""
+        self._compare_counts()
+        return sum(part.check() for part in self._parts)
 
     def close(self) -> None:
         """Release the files."""

@@ -37,6 +37,8 @@ class Metadata:
     #: each message is compressed by itself
     message_zstd: bool = False
     topics: tuple[AnnouncedTopic, ...] = ()
+    #: of all topics; None where it does not say
+    messages: int | None = None
 
 
 def read_metadata(folder: Path) -> Metadata:
@@ -58,6 +60,7 @@ def read_metadata(folder: Path) -> Metadata:
 
 
 def _parse(information: dict[str, Any], folder: Path) -> Metadata:
+    messages = information.get("message_count")
     mode = str(information.get("compression_mode") or "none").lower()
     fmt = information.get("compression_format") or "zstd"
     if mode != "none" and fmt != "zstd":
@@ -66,6 +69,7 @@ def _parse(information: dict[str, Any], folder: Path) -> Metadata:
         tuple(_inside(str(name), folder) for name in information["relative_file_paths"]),
         mode == "message",
         tuple(_announced(entry) for entry in information["topics_with_message_count"]),
+        None if messages is None else int(messages),
     )
 
 

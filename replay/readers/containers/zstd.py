@@ -11,8 +11,12 @@ from replay.decoding.batch import RawBatch, joined
 from replay.readers.containers.block import LARGEST_BYTES
 from replay.readers.containers.read_ahead import SLAB_BYTES
 
-#: What a compressed file may grow to, in multiples of its size.
+#: What a compressed file or message may grow to, in multiples of its size.
 _MOST_GROWTH: Final = 200
+#: So large may a message be in any case: a black image is packed into next to nothing.
+_ANY_MESSAGE: Final = 64 * 2**20
+#: of a frame; zstd packs at most 128 KiB into 4 bytes
+_FEW_BYTES: Final = 256
 _STEP: Final = 2**20
 
 
@@ -57,7 +61,24 @@ def unpack_messages(batch: RawBatch) -> Iterator[tuple[RawBatch, int]]:
 
 
 def _unpack(unpacker: zstandard.ZstdDecompressor, packed: bytes) -> bytes:
-    if zstandard.frame_content_size(packed) > LARGEST_BYTES:
+    room = min(_MOST_GROWTH * len(packed) + _ANY_MESSAGE, LARGEST_BYTES)
+    declared = zstandard.frame_content_size(packed)
+    if declared > room:
         raise zstandard.ZstdError("larger than is believed")
-    # where the frame does not tell its size, more than this is an error
-    return unpacker.decompress(packed, max_output_size=LARGEST_BYTES)
+    if declared >= 0:
+        return unpacker.decompress(packed, max_output_size=room)
+    return _unpack_stepwise(unpacker, packed, room)
+
+
+def _unpack_stepwise(unpacker: zstandard.ZstdDecompressor, packed: bytes, room: int) -> bytes:
+    """Unpack a frame that does not tell its size, so much at once as a few bytes of it can hold."""
+    stream = unpacker.decompressobj()
+    parts: list[bytes] = []
+    for at in range(0, len(packed), _FEW_BYTES):
+        parts.append(stream.decompress(packed[at : at + _FEW_BYTES]))
+        room -= len(parts[-1])
+        if room < 0:
+            raise zstandard.ZstdError("larger than is believed")
+        if stream.eof:
+            return b"".join(parts)
+    raise zstandard.ZstdError("it breaks off")

@@ -1,5 +1,6 @@
 """Damage as it happens to files in the field."""
 
+import struct
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -29,6 +30,13 @@ def chunks(path: Path) -> list[ChunkIndex]:
         summary = make_reader(file).get_summary()
     assert summary is not None
     return summary.chunk_indexes
+
+
+def hide_from_index(path: Path, chunk: ChunkIndex) -> None:
+    """Make the index record of a chunk one that no reader knows."""
+    begins = (chunk.message_start_time, chunk.message_end_time, chunk.chunk_start_offset)
+    place = struct.pack("<QQQ", *begins)
+    overwrite(path, path.read_bytes().rindex(place) - 9, b"\x70")
 
 
 def overwrite(path: Path, at: int, content: bytes) -> None:

@@ -1,5 +1,6 @@
 """MCAP: with an index, without one, torn, damaged, and with topics that cannot be decoded."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -48,7 +49,7 @@ def test_every_legal_layout_gives_the_same_samples(tmp_path: Path, options: dict
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(cut=st.integers(8, 20_000))
-def test_a_file_torn_anywhere_keeps_every_complete_chunk_and_states_the_loss(
+def test_a_file_torn_anywhere_keeps_every_complete_chunk_and_states_the_tear(
     tmp_path: Path, cut: int
 ) -> None:
     whole = tmp_path / "whole.mcap"
@@ -65,9 +66,36 @@ def test_a_file_torn_anywhere_keeps_every_complete_chunk_and_states_the_loss(
         times = log.read("/joints", ["effort[left]"])["log_time_ns"].to_list()
         assert times == [1000 + k for k in range(len(times))]
         assert topics["messages"].to_list() == [len(times)]
-        # what is torn off behind the data is an index, whose loss costs nothing
-        assert len(times) == 200 or "bytes are lost" in log.losses()[0].what
-        assert len(log.losses()) <= 1
+        *_, loss = log.losses()
+        behind_the_data = "torn or damaged behind its data" in loss.what
+        assert ("bytes are lost" in loss.what) != behind_the_data
+        assert len(times) == 200 or not behind_the_data
+
+
+@pytest.mark.parametrize("chunked", [True, False])
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (lambda data: data[:-1], "does not end with a footer and the MCAP magic"),
+        (lambda data: data[:-8], "does not end with a footer and the MCAP magic"),
+        (lambda data: data[:-8] + b"no magic", "does not end with a footer and the MCAP magic"),
+        (lambda data: data + bytes(512), "does not end with a footer and the MCAP magic"),
+        (lambda data: data[:-70] + b"\xff" + data[-69:], "the CRC of its summary is wrong"),
+    ],
+    ids=["a byte less", "no magic", "another magic", "zeros behind", "a wrong summary"],
+)
+def test_a_tear_behind_the_data_costs_no_message_and_is_a_loss(
+    tmp_path: Path, change: Callable[[bytes], bytes], fault: str, chunked: bool
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, use_chunking=chunked)
+    path.write_bytes(change(path.read_bytes()))
+    with open_log(path) as log:
+        assert log.read("/joints", ["effort[left]"]).height == 200
+        assert [loss.what for loss in log.losses()] == [
+            f"{fault}: torn or damaged behind its data, which has its proper end and is read from "
+            "start to end"
+        ]
 
 
 def test_a_damaged_chunk_costs_that_chunk_and_says_which_time(tmp_path: Path) -> None:

@@ -36,11 +36,15 @@ def metadata(folder: Path, *names: str) -> None:
     )
 
 
-def test_without_metadata_the_files_are_read_in_the_order_of_their_numbers(split: Path) -> None:
+def test_without_metadata_the_files_are_read_by_number_and_a_loss_says_that_some_may_lack(
+    split: Path,
+) -> None:
     log = open_log(split)
     assert [file.name for file in log.files] == [f"shift_{n}.mcap" for n in (8, 9, 10)]
     assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
-    assert log.losses() == ()
+    (loss,) = log.losses()
+    assert loss.source == "metadata.yaml"
+    assert "nothing tells whether it is all" in loss.what
 
 
 def test_metadata_gives_the_order_and_the_topics_that_stayed_silent(split: Path) -> None:

@@ -92,17 +92,6 @@ def test_text_among_numbers_is_null_and_counted(tmp_path: Path) -> None:
     ]
 
 
-def test_rows_that_are_too_short_end_in_nulls(tmp_path: Path) -> None:
-    log = open_log(write_csv(tmp_path, "time,a,b\n0,1,1\n1\n2,3,3\n"))
-    assert log.read("table", ["b"])["b"].to_list() == [1, None, 3]
-
-
-def test_rows_that_are_too_long_are_cut_with_a_loss(tmp_path: Path) -> None:
-    log = open_log(write_csv(tmp_path, "time,a\n0,1\n1,2,9,9\n2,3\n"))
-    assert log.read("table", ["a"])["a"].to_list() == [1, 2, 3]
-    assert "more cells than the header" in log.losses()[0].what
-
-
 def test_a_byte_order_mark_is_no_part_of_the_first_name(tmp_path: Path) -> None:
     log = open_log(write_csv(tmp_path, "\ufefftime_s,a\n0,1\n"))
     assert log.read("table", ["a"])["a"].to_list() == [1]
@@ -185,3 +174,10 @@ def test_a_torn_parquet_file_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="not a parquet table") as caught:
         open_log(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_table_that_was_closed_says_so_as_every_log_does(table: Path) -> None:
+    with open_log(table) as log:
+        log.topics()
+    with pytest.raises(LogError, match="the log was closed; open it again"):
+        log.read("table", ["count"])

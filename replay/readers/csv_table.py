@@ -1,0 +1,90 @@
+"""The rows of a CSV: too long, too short, or torn where its writer stopped in the middle of one."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+from polars.exceptions import PolarsError
+
+#: Stands in no text: a line is one cell.
+_NO_SEPARATOR: Final = "\x1f"
+
+
+def scan_csv(path: Path, note: Callable[[str], None]) -> pl.LazyFrame:
+    """A CSV as text, because a fault in a cell should cost that cell.
+
+    Rows with too few cells end in nulls; the last one, where no line end follows it, is torn and
+    left out, since its last cell may be half a number. (A last row that has all its cells needs no
+    line end: RFC 4180.)
+
+    Args:
+        path: the file.
+        note: told what is lost, in a sentence.
+
+    Raises:
+        PolarsError: it is no CSV.
+    """
+    frame = _scan(path, cut_long_rows=False)
+    nulls = pl.all().null_count()
+    try:
+        # polars notices a row that is too long only when it is to parse every column
+        missing = frame.select(nulls).collect(engine="streaming").row(0)
+    except PolarsError:
+        note("rows with more cells than the header: what is too much is not read")
+        frame = _scan(path, cut_long_rows=True)
+        missing = frame.select(nulls).collect(engine="streaming").row(0)
+    short = _short_lines(path, len(missing)) if missing[-1] else []
+    if not short:
+        return frame
+    rows: int = frame.select(pl.len()).collect(engine="streaming").item()
+    if short[-1] == rows + 1 and not _ends_in_a_line_end(path):
+        note(f"its last row (line {short.pop()}) is torn and not read")
+        frame = frame.head(rows - 1)
+    if short:
+        note(
+            f"rows with fewer cells than the header: {len(short):,}, the first in line {short[0]}; "
+            "the cells that they lack are not there"
+        )
+    return frame
+
+
+def _scan(path: Path, *, cut_long_rows: bool) -> pl.LazyFrame:
+    return pl.scan_csv(
+        path,
+        infer_schema=False,
+        glob=False,
+        encoding="utf8-lossy",
+        truncate_ragged_lines=cut_long_rows,
+    )
+
+
+def _short_lines(path: Path, columns: int) -> list[int]:
+    """The lines (the header is 1) with too few separators; none where cells go over lines."""
+    line = pl.col("line")
+    lines = pl.scan_csv(
+        path,
+        has_header=False,
+        schema={"line": pl.String},
+        skip_lines=1,
+        separator=_NO_SEPARATOR,
+        quote_char=None,
+        glob=False,
+        encoding="utf8-lossy",
+        truncate_ragged_lines=True,
+        row_index_name="number",
+        row_index_offset=2,
+    )
+    odd_quotes = line.str.count_matches('"', literal=True) % 2 == 1
+    if lines.select(odd_quotes.any()).collect(engine="streaming").item():
+        return []
+    # an empty line is a row without a time, which is counted there
+    is_short = line.str.count_matches(",", literal=True) < columns - 1
+    short = lines.filter(line.is_not_null() & is_short).select("number")
+    return short.collect(engine="streaming").to_series().to_list()
+
+
+def _ends_in_a_line_end(path: Path) -> bool:
+    with path.open("rb") as file:
+        file.seek(-1, 2)
+        return file.read() in (b"\n", b"\r")
