@@ -5,6 +5,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.constants import g as standard_gravity
 
+from analysis.labels import first_that_holds
 from analysis.phases import TURNS, beside_speed_rate, span_rows, yaw_pace
 from analysis.regressor import Axis, X, axes, regressor
 from analysis.schema import REASON, build, values
@@ -62,7 +63,7 @@ def _judged(
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
     # in the order of precedence: the first that holds is the reason
-    refusals: dict[str, Bools] = {
+    refusals: dict[str | None, Bools] = {
         "warming_up": np.arange(n) < first + window - 1,
         "gap": has_gap,
         **_refusals(axis, excitation, settings),
@@ -91,11 +92,11 @@ def _judged(
             poor = ~(ksg >= settings.threshold_nat)
     refusals["low_information"] = poor
     refusals["ill_conditioned"] = ~(condition <= settings.condition_max)
-    reason = np.select(list(refusals.values()), list(refusals), "accepted")
+    reason = first_that_holds(refusals, "accepted", REASON)
     return {
         **columns,
-        f"accepted_{letter}": pl.Series(reason == "accepted"),
-        f"reason_{letter}": pl.Series(reason, dtype=pl.String).cast(REASON),
+        f"accepted_{letter}": reason == "accepted",
+        f"reason_{letter}": reason,
     }
 
 

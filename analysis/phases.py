@@ -9,6 +9,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.labels import first_that_holds
 from analysis.schema import PHASE, values
 from analysis.settings import Settings
 from analysis.smooth import trailing_mean
@@ -87,17 +88,13 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
     slow = np.abs(speed) < settings.standstill_speed_m_s
     steady = np.abs(rate) <= settings.steady_acc_m_s2
     steady_turn = steady & (np.abs(yaw_acc) <= settings.steady_yaw_acc_rad_s2)
-    names = np.select(
-        [
-            np.isnan(speed) | np.isnan(rate),
-            turning & slow,
-            turning & steady_turn,
-            turning,
-            slow & steady,
-            steady,
-            mean_speed * rate > 0,
-        ],
-        ["", "spinning", "arc", "turning", "standstill", "cruising", "accelerating"],
-        default="braking",
-    )
-    return pl.Series("phase", names).replace("", None).cast(PHASE)
+    conditions = {
+        None: np.isnan(speed) | np.isnan(rate),
+        "spinning": turning & slow,
+        "arc": turning & steady_turn,
+        "turning": turning,
+        "standstill": slow & steady,
+        "cruising": steady,
+        "accelerating": mean_speed * rate > 0,
+    }
+    return first_that_holds(conditions, "braking", PHASE).alias("phase")

@@ -8,6 +8,7 @@ import numpy as np
 
 from estimators.compiled import compiled
 from estimators.fit_loss import fit_loss
+from estimators.groups import ids_of
 from estimators.student import student_factor
 from estimators.trace import Floats, Ints
 
@@ -56,7 +57,7 @@ def pooled_autocorrelation(residual: Floats, group: Ints, A: Floats | None) -> t
     """
     used = group >= 0
     n = int(used.sum())
-    groups = np.unique(group[used]).size
+    groups = ids_of(group).size
     if n <= groups * (0 if A is None else A.shape[1]):
         return np.ones(1), float("nan")
     # no more lags than a quarter of a typical fit can tell

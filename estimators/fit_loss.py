@@ -9,6 +9,7 @@ of the long-run variance; less where the correlation lasts as long as the regres
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.groups import ids_of
 from estimators.trace import Floats, Ints
 
 #: So many fits, evenly chosen, stand for all.
@@ -116,9 +117,8 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     Returns:
         B with E[mean e_i e_{i+j}] = r_j - Σ_l B_jl r_l.
     """
-    used = group[group >= 0]
-    ids = np.unique(used)
-    if A.shape[1] * lags * ids.size < 0.005 * used.size:
+    ids = ids_of(group)
+    if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]
     return _total_loss(A, group, _spans(group, some), lags)

@@ -10,6 +10,7 @@ import numpy as np
 from estimators.attenuation import DOUBT
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
+from estimators.groups import ids_of
 from estimators.linear import at, condition_numbers, unpack
 from estimators.normal import columns_of, solve
 from estimators.sandwich import deviations, meat
@@ -86,7 +87,7 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     options = options or PooledOptions()
     p = A.shape[1]
     used = segment_id >= 0
-    ids = np.unique(segment_id[used]).astype(np.int64)
+    ids = ids_of(segment_id).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
     products, first, last = _sums(A, f, segment_id, ids)

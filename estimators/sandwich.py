@@ -23,6 +23,9 @@ from estimators.student import widening
 from estimators.threads import in_chunks
 from estimators.trace import Floats, Ints
 
+#: Rows at once, which stay in the nearest cache.
+_MEAT_ROWS = 1024
+
 
 @compiled
 def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Floats) -> Floats:
@@ -32,19 +35,27 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
     """
     p = A.shape[1]
     B = np.zeros((p, p))
-    tail = np.empty(p)
     lags = correlation.size
-    for k in range(first, last + 1):
-        if group[k] != of:
-            continue
-        tail[:] = 0.5 * A[k]
-        for j in range(1, min(lags, k + 1)):
-            if group[k - j] == of:
-                for c in range(p):
-                    tail[c] += correlation[j] * A[k - j, c]
-        for i in range(p):
-            for c in range(p):
-                B[i, c] += A[k, i] * tail[c] + tail[i] * A[k, c]
+    # a column at a time and zero where the group is not, so that the lags need no question
+    own, tails = np.zeros((p, _MEAT_ROWS + lags)), np.empty((p, _MEAT_ROWS))
+    for begin in range(first, last + 1, _MEAT_ROWS):
+        rows = min(_MEAT_ROWS, last + 1 - begin)
+        for c in range(p):
+            for k in range(rows + lags - 1):
+                at = begin - (lags - 1) + k
+                own[c, k] = A[at, c] if at >= 0 and group[at] == of else 0.0
+            here, tail = own[c, lags - 1 : lags - 1 + rows], tails[c, :rows]
+            tail[:] = 0.5 * here
+            for j in range(1, lags):
+                before = own[c, lags - 1 - j : lags - 1 - j + rows]
+                for k in range(rows):
+                    tail[k] += correlation[j] * before[k]
+        for k in range(rows):
+            if group[begin + k] == of:
+                for i in range(p):
+                    for c in range(p):
+                        mine, other = own[i, lags - 1 + k], own[c, lags - 1 + k]
+                        B[i, c] += mine * tails[c, k] + tails[i, k] * other
     return B
 
 
