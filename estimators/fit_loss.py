@@ -12,8 +12,32 @@ from estimators.compiled import compiled
 from estimators.groups import ids_of
 from estimators.trace import Floats, Ints
 
+#: Distances whose sums go side by side, each in its own order.
+_AT_ONCE = 16
 #: So many fits, evenly chosen, stand for all.
 _MOST_FITS = 100
+
+
+@compiled
+def _products_at_distances(Q: Floats, distances: int) -> Floats:
+    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, (distances or a few more, p, p)."""
+    n, p = Q.shape
+    groups = -(-distances // _AT_ONCE)
+    # zeros behind the end, so that all distances of a group have as many terms
+    columns = np.zeros((p, n + groups * _AT_ONCE))
+    columns[:, :n] = Q.T
+    cross = np.zeros((groups * _AT_ONCE, p, p))
+    sums = np.empty(_AT_ONCE)
+    for first in range(0, min(cross.shape[0], n), _AT_ONCE):
+        for i in range(p):
+            for c in range(p):
+                sums[:] = 0.0
+                for k in range(n - first):
+                    q, others = columns[i, k], columns[c, k + first : k + first + _AT_ONCE]
+                    for e in range(_AT_ONCE):
+                        sums[e] += q * others[e]
+                cross[first : first + _AT_ONCE, i, c] = sums
+    return cross
 
 
 @compiled
@@ -26,12 +50,7 @@ def _add_loss(Q: Floats, loss: Floats) -> None:
     """
     n, p = Q.shape
     lags = loss.shape[0]
-    cross = np.zeros((2 * lags - 1, p, p))
-    for d in range(min(2 * lags - 1, n)):
-        for k in range(n - d):
-            for i in range(p):
-                for c in range(p):
-                    cross[d, i, c] += Q[k, i] * Q[k + d, c]
+    cross = _products_at_distances(Q, 2 * lags - 1)
     pushed = np.zeros((lags, lags))
     for d in range(lags):
         for j in range(1, lags):

@@ -46,6 +46,12 @@ class Stages:
         self._bar.stop()
         if self._timing and kind is None:
             ends = [*(begun for _, begun in self._began[1:]), time.perf_counter()]
+            took = [
+                (stage, end - begun) for (stage, begun), end in zip(self._began, ends, strict=True)
+            ]
             console = Console(stderr=True, highlight=False)
-            for (stage, begun), end in zip(self._began, ends, strict=True):
-                console.print(f"{stage:<9} {end - begun:8.3f} s")
+            for stage, seconds in took:
+                console.print(f"{stage:<9} {seconds:8.3f} s")
+            total = sum(seconds for _, seconds in took)
+            reading = sum(seconds for stage, seconds in took if stage == "read")
+            console.print(f"{'total':<9} {total:8.3f} s, {total / reading:.1f} times the reading")

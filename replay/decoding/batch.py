@@ -31,8 +31,15 @@ class RawBatch:
 
     def __post_init__(self) -> None:
         starts, sizes = self.offsets, self.lengths
-        inside = (starts >= 0) & (sizes >= 0) & (sizes <= self.data.size - starts)
-        if not inside.all() or not starts.size == sizes.size == self.log_times.size:
+        if not starts.size == sizes.size == self.log_times.size or (
+            starts.size
+            and (
+                starts.min() < 0
+                or sizes.min() < 0
+                or starts.max() > self.data.size
+                or (self.data.size - starts < sizes).any()
+            )
+        ):
             raise ValueError("a batch whose messages reach out of its data")
         data = self.data.view()
         # also because numba would compile anew for data that may be written

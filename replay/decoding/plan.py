@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -14,13 +14,11 @@ from replay.decoding.batch import RawBatch
 from replay.decoding.decoder import Decoded, schema_of
 from replay.decoding.program import Program, Wanted, compile_program
 from replay.decoding.together import Together, gathered_together
+from replay.decoding.walk import TOO_SHORT, encapsulations
 from replay.decoding.walked import walk_batch
 from replay.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
 from replay.readers.fields import ALL, OWN_COLUMNS, Field, resolve
 from replay.readers.message_types import Record
-
-#: What stands in the place of an encapsulation that a message is too short for.
-_NONE: Final = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +57,10 @@ class Plan:
 
     def decode(self, batch: RawBatch) -> Decoded:
         """Decode messages at once; one that is not whole costs its row."""
-        kinds = np.zeros(batch.rows, np.int64) if self._ros1 else _encapsulations(batch)
+        if self._ros1:
+            kinds = np.zeros(batch.rows, np.int64)
+        else:
+            kinds = encapsulations(batch.data, batch.offsets, batch.lengths)
         if batch.rows and (kinds[0] == kinds).all() and int(kinds[0]) in self._wires:
             part = self._part(batch, int(kinds[0]))
             return Decoded(part.frame, part.faulty.size, part.first_fault)
@@ -126,16 +127,7 @@ def _want(wanted: Wanted, field: Field) -> None:
         wanted = wanted.setdefault(step.name, {})
 
 
-def _encapsulations(batch: RawBatch) -> NDArray[np.int64]:
-    """The two bytes that name each message's encoding."""
-    long = batch.lengths >= 4
-    kinds = np.full(batch.rows, _NONE)
-    at = batch.offsets[long]
-    kinds[long] = batch.data[at].astype(np.int64) << 8 | batch.data[at + 1]
-    return kinds
-
-
 def _why_not(kind: int) -> str:
-    if kind == _NONE:
+    if kind == TOO_SHORT:
         return "it is too short for its encapsulation"
     return f"no decoder for the encapsulation {REFUSED.get(kind, 'it begins with')} (0x{kind:04x})"

@@ -38,6 +38,8 @@ FAULTS: Final = (
     "it goes on behind its last field",
 )
 _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))
+#: What stands in the place of an encapsulation that a message is too short for.
+TOO_SHORT: Final = -1
 _NOT_ASCII: Final = np.uint64(0x8080808080808080)
 
 #: A layout with more to compare, or more to note, is not remembered.
@@ -305,6 +307,20 @@ def walk(
                 filled[node] = kept[node]
     state[0], state[1], state[2] = check_count, note_count, other
     state[3], state[4], state[5] = other_size, other_end, walked
+
+
+def encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Ints:
+    """The two bytes (n,) that name each message's encoding, most significant first."""
+    kinds = np.empty(offsets.size, np.int64)
+    _name_encodings(data, offsets, lengths, kinds)
+    return kinds
+
+
+@njit(cache=True, nogil=True)
+def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints) -> None:
+    for k in range(offsets.size):
+        at = offsets[k]
+        kinds[k] = np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
 
 
 @njit(cache=True, nogil=True)

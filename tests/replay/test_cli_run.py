@@ -1,6 +1,7 @@
 """`payscope run` and the installed command: answers and exit statuses."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -84,6 +85,10 @@ class TestRun:
         said = payscope("run", log, "-m", machine_file, "--timing")
         for stage in ("read", "derive", "align", "smooth", "forces", "gate", "trace", "verdict"):
             assert stage in said.err
+        total = re.search(r"^total +([0-9.]+) s, ([0-9.]+) times the reading$", said.err, re.M)
+        assert total is not None
+        assert float(total[1]) >= 0.0
+        assert float(total[2]) >= 1.0
 
     def test_a_failed_verdict_withholds_the_mass_lists_the_checks_and_exits_1(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path

@@ -15,7 +15,7 @@ from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.read_ahead import read_slabs
-from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME, Grammar, Slab
+from replay.readers.containers.records import KEY, TIME, Grammar, Slab
 
 _INT64_MAX: Final = 2**63 - 1
 
@@ -132,6 +132,9 @@ class BlockStore:
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[RawBatch]:
         """See `Container.batches`."""
+        # compiled code, which describing a log does not wait for
+        from replay.readers.containers.chosen import chosen_batches
+
         wanted = frozenset(connection_ids)
         first = 0 if start_ns is None else max(start_ns, 0)
         last = _INT64_MAX if end_ns is None else end_ns
@@ -145,11 +148,7 @@ class BlockStore:
         chosen = np.array(sorted(wanted), np.int64)
         for slab in read_slabs(self.file, touched, self.grammar):
             self._judge(slab)
-            times = slab.rows[TIME]
-            use = np.isin(slab.rows[KEY], chosen) & (times >= first) & (times <= last)
-            rows = slab.rows if use.all() else slab.rows[:, use]
-            for key, at in by_connection(rows[KEY]):
-                yield RawBatch(key, slab.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+            yield from chosen_batches(slab.data, slab.rows, chosen, first, last)
 
     def _judge(self, slab: Slab) -> None:
         for block, why in slab.damaged:

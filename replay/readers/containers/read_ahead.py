@@ -92,7 +92,8 @@ def _load(
             at += size
     if buffer is None:
         buffer = np.empty(0, np.uint8)
-    rows, found = scan_rows(grammar, buffer, spans)
+    known = sum(sum(block.counts.values()) for block in whole)
+    rows, found = scan_rows(grammar, buffer, spans, known)
     parts = tuple(
         (block, first, last, unread)
         for block, (first, last, unread) in zip(whole, found, strict=True)

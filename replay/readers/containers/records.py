@@ -45,26 +45,26 @@ class Slab:
 
 
 def scan_rows(
-    grammar: Grammar, data: NDArray[np.uint8], spans: list[tuple[int, int]]
+    grammar: Grammar, data: NDArray[np.uint8], spans: list[tuple[int, int]], expected: int = 0
 ) -> tuple[NDArray[np.int64], list[tuple[int, int, int]]]:
-    """Rows of several spans of `data`; for each its first row, the end, and its unread bytes."""
-    none = np.empty((4, 0), np.int64)
-    #: where records are, and how many, by span
-    found: list[list[tuple[int, int, int]]] = []
-    for begin, end in spans:
-        runs: list[tuple[int, int, int]] = []
-        while 0 <= begin < end:
-            count, stop = grammar.scan(data, begin, end, none, 0)
-            runs.append((begin, stop, count))
-            begin = grammar.find(data, stop + 1, end, end) if stop < end else end
-        found.append(runs)
-    rows = np.empty((4, sum(count for runs in found for _, _, count in runs)), np.int64)
+    """Rows of several spans of `data`; for each its first row, the end, and its unread bytes.
+
+    Args:
+        grammar: of the records.
+        data: (bytes,) of a slab.
+        spans: from, to.
+        expected: how many records there are, if that is known; with another number the spans are
+            scanned twice.
+    """
+    rows = np.empty((4, expected), np.int64)
     parts: list[tuple[int, int, int]] = []
     row = 0
-    for (begin, end), runs in zip(spans, found, strict=True):
-        first = row
-        for start, stop, count in runs:
-            grammar.scan(data, start, stop, rows, row)
+    for begin, end in spans:
+        first, unread, at = row, end - begin, begin
+        while 0 <= at < end:
+            count, stop = grammar.scan(data, at, end, rows, row)
             row += count
-        parts.append((first, row, end - begin - sum(stop - start for start, stop, _ in runs)))
-    return rows, parts
+            unread -= stop - at
+            at = grammar.find(data, stop + 1, end, end) if stop < end else end
+        parts.append((first, row, unread))
+    return (rows, parts) if row == expected else scan_rows(grammar, data, spans, row)
