@@ -1,4 +1,4 @@
-"""Find the rows in leaf pages of a SQLite table, compiled: a row costs some tens of nanoseconds."""
+"""A cell of a leaf page of a SQLite table, compiled: a row of the table, or its beginning."""
 
 from typing import Final
 
@@ -7,25 +7,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from replay.readers.containers.block import LARGEST_BYTES
-from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME
-from replay.readers.containers.sqlite_pages import Layout, Wanted
+from replay.readers.containers.sqlite_pages import Layout
 
-#: The row of ids in what `records` gives rows of.
-ID: Final = 4
-
-LEAF: Final = 13
-_PAGE_HEAD: Final = 8
 #: A record's types: 0 null, 1 to 6 integers, 7 a float, 8 and 9 the integers 0 and 1, from 12 on
 #: even blobs and odd texts.
+_NULL: Final = 0
 _FLOAT: Final = 7
+_ZERO: Final = 8
 _ONE: Final = 9
 _BLOB: Final = 12
 
-#: Of a spilled row: which it is, where in the leaf its message begins, and how many bytes of it are
-#: there; the first overflow page, and how many bytes are on that and those behind it.
-ROW, BEGIN, LOCAL, PAGE, REST = range(5)
-#: Where a scan is: the leaf, the cell in it, and the id of the row before.
-LEAF_AT, CELL_AT, ID_BEFORE = range(3)
+#: What a cell may be: a message; damaged; of other types than a message, as SQLite asks nobody for
+#: types; or laid out as no recorder does, which SQLite shall read.
+MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 
 @njit(cache=True, nogil=True)
@@ -38,7 +32,18 @@ def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
+def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
+    """A two's complement integer of 1 to 8 bytes."""
+    value = np.int64(data[at])
+    if value > 127:
+        value -= np.int64(256)
+    for k in range(1, size):
+        value = (value << np.int64(8)) | np.int64(data[at + k])
+    return value  # pyright: ignore[reportReturnType] an int outside of numba
+
+
+@njit(cache=True, nogil=True)
+def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     """An integer of 1 to 9 bytes, and where it ends: -1 where not before `end`."""
     value, bits, stop = np.int64(0), 0, -1
     # with several ways out numba would count references to the data, which takes longer than this
@@ -54,17 +59,6 @@ def varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
             if byte < 128:
                 stop = at
     return value, stop  # pyright: ignore[reportReturnType] an int outside of numba
-
-
-@njit(cache=True, nogil=True)
-def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
-    """A two's complement integer of 1 to 8 bytes."""
-    value = np.int64(data[at])
-    if value > 127:
-        value -= np.int64(256)
-    for k in range(1, size):
-        value = (value << np.int64(8)) | np.int64(data[at + k])
-    return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
 @njit(cache=True, nogil=True)
@@ -92,141 +86,60 @@ def _local_bytes(payload: int, usable: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _parse(
-    data: NDArray[np.uint8], at: int, end: int, layout: Layout
-) -> tuple[int, int, int, int, int, int, int]:
-    """What a cell holds, and whether it is a usual row.
+def parse_cell(
+    data: NDArray[np.uint8], at: int, begin: int, end: int, layout: Layout, with_data: bool
+) -> tuple[int, int, int, int, int, int, int, int]:
+    """What the cell at `at` holds, in a page that has its cells in [begin, end).
 
     Returns:
-        Id, topic, time; where the message begins, its bytes, and those of them in the leaf; and
-        where the leaf's part of the record ends, -1 for what is damaged or unusual.
+        Which of the four above it is, and its id; topic, time; where the message begins, its
+        bytes, and those of them in the leaf; and where the leaf's part of the record ends.
     """
-    none = (0, 0, 0, 0, 0, 0, -1)
-    payload, at = varint(data, at, end)
-    if at < 0 or payload < 0 or payload > min(LARGEST_BYTES, layout.pages * layout.page_bytes):
-        return none
-    row_id, at = varint(data, at, end)
+    damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
+    if at < begin or at >= end:
+        return damaged
+    payload, at = _varint(data, at, end)
+    if at < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
+        return damaged
+    row_id, at = _varint(data, at, end)
     if at < 0:
-        return none
+        return damaged
     here = _local_bytes(payload, layout.usable_bytes)
     stop = at + here
     if stop + (4 if here < payload else 0) > end:
-        return none
-    head, field = varint(data, at, stop)
+        return damaged
+    head, field = _varint(data, at, stop)
     if field < 0 or head < 0 or head > here:
-        return none
-    head_end = at + head
-    body = head_end
-    topic, time, begin, length = 0, 0, 0, 0
-    for column in range(layout.columns):
-        kind, field = varint(data, field, head_end)
+        return damaged
+    what = MESSAGE if payload <= LARGEST_BYTES else UNUSUAL
+    head_end = body = at + head
+    column, topic, time, message, length = 0, 0, 0, 0, 0
+    while field < head_end:
+        kind, field = _varint(data, field, head_end)
         size = _size(kind)
         if field < 0 or size < 0 or size > at + payload - body:
-            return none
-        if column in (layout.topic, layout.time):
-            if kind == 0 or kind == _FLOAT or kind > _ONE or body + size > stop:
-                return none
-            value = kind - 8 if size == 0 else _signed(data, body, size)
-            if column == layout.topic:
-                topic = value
+            return damaged
+        if column == layout.data:
+            message, length = body, size
+            if with_data and (kind < _BLOB or kind % 2 == 1):
+                what = max(what, NO_MESSAGE)
+        elif column == layout.topic or column == layout.time:
+            if kind in (_NULL, _FLOAT) or kind > _ONE:
+                what = max(what, NO_MESSAGE)
+            elif body + size > stop:
+                what = UNUSUAL
             else:
-                time = value
-        elif column == layout.data:
-            if kind < _BLOB or kind % 2 == 1:
-                return none
-            begin, length = body, size
+                value = kind - _ZERO if size == 0 else _signed(data, body, size)
+                if column == layout.topic:
+                    topic = value
+                else:
+                    time = value
         body += size
+        column += 1
     if field != head_end or body != at + payload:
-        return none
-    local = min(length, stop - begin)
-    # what stands behind a message on overflow pages would have to be told from it
-    if local < 0 or (local < length and begin + length != body):
-        return none
-    return row_id, topic, time, begin, length, local, stop
-
-
-@njit(cache=True, nogil=True)
-def _holds(keys: NDArray[np.int64], key: int) -> bool:
-    first, last = 0, keys.size
-    while first < last:
-        middle = (first + last) // 2
-        if keys[middle] < key:
-            first = middle + 1
-        else:
-            last = middle
-    return first < keys.size and keys[first] == key
-
-
-@njit(cache=True, nogil=True)
-def scan_leaves(
-    data: NDArray[np.uint8],
-    leaves: NDArray[np.int64],
-    layout: Layout,
-    wanted: Wanted,
-    tail: int,
-    room: int,
-    place: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    spills: NDArray[np.int64],
-) -> tuple[int, int, int, bool]:
-    """Wanted rows in leaf pages, until there is no more room or a cell is damaged.
-
-    Args:
-        data: holds the pages.
-        leaves: (pages,) where in `data` each begins.
-        layout: of the pages.
-        wanted: which rows.
-        tail: where in `data` messages from overflow pages will stand.
-        room: bytes that these may take, unless it is a single one.
-        place: (3,) the page to begin with, counted in `leaves`, its cell, and the id of the row
-            before; becomes where the scan stopped.
-        rows: (5, n) is filled, as `records` has it, and with ids.
-        spills: (5, m) is filled: rows whose message is not whole in its leaf.
-
-    Returns:
-        Rows and spilled rows found, bytes behind `tail` that these need, and whether the place
-        where it stopped is whole.
-    """
-    found = spilled = used = 0
-    while place[LEAF_AT] < leaves.size:
-        base = int(leaves[place[LEAF_AT]])
-        end = base + layout.usable_bytes
-        cells = big_endian(data, base + 3, 2)
-        pointers = base + _PAGE_HEAD
-        contents = pointers + 2 * cells
-        if data[base] != LEAF or cells == 0 or contents > end:
-            return found, spilled, used, False
-        while place[CELL_AT] < cells:
-            at = base + big_endian(data, pointers + 2 * int(place[CELL_AT]), 2)
-            if at < contents or at >= end:
-                return found, spilled, used, False
-            row_id, topic, time, begin, length, local, stop = _parse(data, at, end, layout)
-            if stop < 0:
-                return found, spilled, used, False
-            in_time = time >= wanted.first_ns and time <= wanted.last_ns
-            if in_time and (wanted.every_topic or _holds(wanted.keys, topic)):
-                if found == rows.shape[1]:
-                    return found, spilled, used, True
-                offset = begin
-                if local < length and wanted.with_data:
-                    if spilled == spills.shape[1] or (used and used + length > room):
-                        return found, spilled, used, True
-                    offset = tail + used
-                    used += length
-                    spills[ROW, spilled] = found
-                    spills[BEGIN, spilled] = begin
-                    spills[LOCAL, spilled] = local
-                    spills[PAGE, spilled] = big_endian(data, stop, 4)
-                    spills[REST, spilled] = length - local
-                    spilled += 1
-                rows[KEY, found] = topic
-                rows[TIME, found] = time
-                rows[OFFSET, found] = offset
-                rows[LENGTH, found] = length
-                rows[ID, found] = row_id
-                found += 1
-            place[ID_BEFORE] = row_id
-            place[CELL_AT] += 1
-        place[LEAF_AT] += 1
-        place[CELL_AT] = 0
-    return found, spilled, used, True
+        return damaged
+    local = min(length, stop - message)
+    # columns that were added later, and columns behind a message on overflow pages
+    if column < layout.columns or local < 0 or (local < length and message + length < body):
+        what = UNUSUAL
+    return what, row_id, topic, time, message, length, local, stop

@@ -7,8 +7,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from replay.readers.containers.file_bytes import FileBytes
-from replay.readers.containers.sqlite_cells import LEAF, big_endian
-from replay.readers.containers.sqlite_pages import Layout
+from replay.readers.containers.sqlite_cells import big_endian
+from replay.readers.containers.sqlite_pages import LEAF, Layout
 from replay.readers.containers.sqlite_runs import lay_out, read_runs
 
 _INTERIOR: Final = 5

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from replay.readers.containers.file_bytes import FileBytes
 
 MAGIC: Final = b"SQLite format 3\x00"
+#: The first byte of a page that holds rows.
+LEAF: Final = 13
 _HEADER_BYTES: Final = 100
 #: Shares of a page in 255ths that a cell may take; the format fixes them.
 _FRACTIONS: Final = bytes([64, 32, 32])
@@ -21,6 +23,7 @@ _VERSIONS: Final = (1, 2)
 _LEAST_USABLE: Final = 480
 #: SQLite locks this byte and those behind it; their page holds nothing.
 _LOCKED_BYTE: Final = 2**30
+_TOPIC, _TIME, _DATA = "topic_id", "timestamp", "data"
 
 
 class Layout(NamedTuple):
@@ -100,12 +103,11 @@ def _record(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | No
     if found is None or type(found[0]) is not int:
         return None
     names = [str(name).lower() for _, name, *_ in columns]
-    kinds = {name: str(kind).upper() for name, (_, _, kind, *_) in zip(names, columns, strict=True)}
-    wanted = ("topic_id", "timestamp", "data")
-    # SQLite makes floats of integers in columns declared so; what is computed is not stored
-    are_usual = all("INT" in kinds.get(name, "") for name in wanted[:2]) and "data" in kinds
-    is_hidden = any(column[-1] for column in columns)
-    if not are_usual or is_hidden or "rowid" in names:
+    # a column that is the key stands where ids do
+    kinds = {str(name).lower(): str(kind) for _, name, kind, _, _, key, _ in columns if not key}
+    # SQLite makes floats of integers in columns that are declared otherwise
+    are_integers = all("INT" in kinds.get(name, "").upper() for name in (_TOPIC, _TIME))
+    is_computed = any(is_hidden for *_, is_hidden in columns)
+    if not are_integers or _DATA not in kinds or is_computed or "rowid" in names:
         return None
-    topic, time, data = (names.index(name) for name in wanted)
-    return found[0], len(columns), topic, time, data
+    return found[0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)

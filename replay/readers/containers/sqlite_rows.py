@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LEAST_ID: Final = -(2**63)
-_MOST_ID: Final = 2**63 - 1
+MOST_ID: Final = 2**63 - 1
 #: A batch ends with either.
 _MOST_ROWS: Final = 8192
 _MOST_BYTES: Final = 8 * 2**20
@@ -119,7 +119,7 @@ def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int 
     """The id behind which a row can be read again, None where there is none."""
 
     def first(gap: int) -> int | None:
-        beyond = min(after + gap, _MOST_ID)
+        beyond = min(after + gap, MOST_ID)
         row = database.execute(f"{query} LIMIT 1", (beyond,)).fetchone()
         if row is not None and row[0] <= beyond:
             raise sqlite3.DatabaseError("the tree leads back")
