@@ -1,6 +1,6 @@
 """Read pages of a file, neighbours at once."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from replay.readers.containers.file_bytes import FileBytes
 
 #: Between pages that are wanted, so much is read with them: less than another read costs.
-_MOST_BETWEEN = 65_536
+_MOST_BETWEEN: Final = 65_536
 
 
 class Runs(NamedTuple):

@@ -76,6 +76,7 @@ def scan_leaves(
                 data, at, contents, end, layout, wanted.with_data
             )
             if what == UNUSUAL:
+                _close_gap(gaps, state, row_id)
                 return found, spilled, used, False
             in_time = wanted.first_ns <= time <= wanted.last_ns
             if what == MESSAGE and in_time and (wanted.every_topic or _holds(keys, topic)):
@@ -108,7 +109,7 @@ def scan_leaves(
             else:
                 state[LAST_ID] = row_id
                 if state[IN_GAP]:
-                    _close_gap(gaps, state)
+                    _close_gap(gaps, state, row_id)
             state[AT_CELL] += 1
         state[AT_LEAF] += 1
         state[AT_CELL] = 0
@@ -140,8 +141,8 @@ def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _close_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
+def _close_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
     """Here is a row again."""
-    if state[GAPS] <= gaps.shape[1]:
-        gaps[1, state[GAPS] - 1] = state[LAST_ID]
+    if state[IN_GAP] == 1 and state[GAPS] <= gaps.shape[1]:
+        gaps[1, state[GAPS] - 1] = row_id
     state[IN_GAP] = 0

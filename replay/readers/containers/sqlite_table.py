@@ -56,7 +56,8 @@ class MessageTable:
     def messages(self, topic_ids: Collection[int], first_ns: int, last_ns: int) -> Iterator[Rows]:
         """Rows of some topics, from one log time to another, both inclusive."""
         keys = np.array(sorted(topic_ids), np.int64)
-        return self._rows(Wanted(keys, False, first_ns, last_ns, True))
+        first, last = (max(_LEAST_NS, min(each, _MOST_NS)) for each in (first_ns, last_ns))
+        return self._rows(Wanted(keys, False, first, last, True))
 
     def _rows(self, wanted: Wanted) -> Iterator[Rows]:
         after: int | None = LEAST_ID

@@ -65,6 +65,7 @@ class PageWalk:
         self._gaps = np.empty((2, _MOST_GAPS), np.int64)
         self._state = np.zeros(7, np.int64)
         self._state[LAST_ID] = LEAST_ID
+        self._torn = self._first_torn = 0
         #: once it ended: the id behind which rows are left to SQLite, None if none are
         self.left_after: int | None = LEAST_ID
 
@@ -126,9 +127,12 @@ class PageWalk:
         self, rows: NDArray[np.int64], spills: NDArray[np.int64]
     ) -> NDArray[np.int64]:
         torn = spills[ROW, spills[PAGE] == 0]
-        for row_id in rows[ID, torn].tolist():
-            self._note(f"the database is damaged: row {row_id} is lost, whose message is torn")
-        return np.delete(rows, torn, axis=1) if torn.size else rows
+        if not torn.size:
+            return rows
+        if not self._torn:
+            self._first_torn = int(rows[ID, torn[0]])
+        self._torn += torn.size
+        return np.delete(rows, torn, axis=1)
 
     def _note_losses(self) -> None:
         found, odd, first_odd = self._state[[GAPS, ODD, FIRST_ODD]].tolist()
@@ -136,6 +140,9 @@ class PageWalk:
             self._note(f"the database is damaged: {_lost(before, until)} lost")
         if found > _MOST_GAPS:
             self._note(f"{found - _MOST_GAPS:,} more places of the database are damaged")
+        if self._torn:
+            what = f"the database is damaged: {self._torn:,} messages are torn and lost"
+            self._note(f"{what}, the first is of row {self._first_torn}")
         if odd:
             self._note(f"{odd:,} rows from row {first_odd} on hold no message")
 
@@ -150,4 +157,6 @@ def _lost(before: int, until: int) -> str:
         return f"row {before + 1} is"
     # ids out of order are damaged themselves
     in_order = until > before + 1
-    return f"rows from {before + 1} to {until - 1} are" if in_order else f"rows by {before} are"
+    return (
+        f"rows from {before + 1} to {until - 1} are" if in_order else f"rows near row {before} are"
+    )
