@@ -25,8 +25,10 @@ from replay.readers.containers.sqlite_scan import (
     scan_leaves,
 )
 
-#: Read at once: leaves, and behind them messages that are joined from overflow pages.
-_LEAF_BYTES: Final = 4 * 2**20
+#: Leaves that are read at once. Who decodes them finds them in the processor's cache; steps twice
+#: or half as large take a tenth longer.
+_LEAF_BYTES: Final = 2 * 2**20
+#: Messages that are joined from overflow pages behind them, unless a single one is larger.
 _JOINED_BYTES: Final = 4 * 2**20
 _MOST_ROWS: Final = 65_536
 _MOST_SPILLED: Final = 8192
