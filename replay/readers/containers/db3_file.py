@@ -2,8 +2,8 @@
 
 import sqlite3
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,41 +14,43 @@ from replay.decoding.batch import RawBatch
 from replay.readers.container import Connection, no_times
 from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage
-from replay.readers.containers.sqlite_rows import FAULTS, Row, read_rows
-
-_MAGIC: Final = b"SQLite format 3\x00"
-_TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
-_MESSAGES: Final = _TIMES.replace("timestamp", "timestamp, data")
+from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME
+from replay.readers.containers.sqlite_pages import MAGIC
+from replay.readers.containers.sqlite_rows import FAULTS
+from replay.readers.containers.sqlite_table import MessageTable
 
 
 class Db3File:
     """A `.db3` file. Before ROS 2 Iron it carries no message definitions."""
 
     def __init__(self, path: Path) -> None:
-        with path.open("rb") as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
         self.files: tuple[Path, ...] = (path,)
         self._damage = Damage(path.name)
-        self._path = path
         self._times: dict[int, NDArray[np.int64]] | None = None
-        self._database = _connect(path)
-        try:
-            self.connections: tuple[Connection, ...] = self._connections()
-        except FAULTS as error:
-            self._database.close()
-            reason = " ".join(str(error).split())
-            raise LogError(
-                f"{path}: not readable as a rosbag2 database ({reason}); "
-                "it should have the tables 'topics' and 'messages'"
-            ) from error
+        with ExitStack() as opened:
+            file = FileBytes(path)
+            opened.callback(file.close)
+            if file.read(0, len(MAGIC)) != MAGIC:
+                raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
+            self._database = _connect(path)
+            opened.callback(self._database.close)
+            try:
+                self.connections: tuple[Connection, ...] = self._connections()
+                self._table = MessageTable(self._database, file, self._damage.note)
+            except FAULTS as error:
+                reason = " ".join(str(error).split())
+                raise LogError(
+                    f"{path}: not readable as a rosbag2 database ({reason}); "
+                    "it should have the tables 'topics' and 'messages'"
+                ) from error
+            self._opened = opened.pop_all()
 
     def _connections(self) -> tuple[Connection, ...]:
         found = self._database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
         tables = {name for (name,) in found}
         if not tables >= {"topics", "messages"}:
             raise sqlite3.DatabaseError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
-        self._database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
         definitions: dict[str, tuple[str, str]] = {}
         if "message_definitions" in tables:
             definitions = {
@@ -75,10 +77,11 @@ class Db3File:
     def log_times(self, connection_id: int) -> NDArray[np.int64]:
         """The log times of a topic; the first call goes through the whole table."""
         if self._times is None:
-            found = [np.empty((2, 0), np.int64)]
-            found += [numbers for numbers, _ in self._rows(_TIMES, has_blob=False)]
-            keys, times = np.concatenate(found, axis=1)
-            self._times = {key: self._since_1970(key, times[at]) for key, at in by_connection(keys)}
+            parts: dict[int, list[NDArray[np.int64]]] = {}
+            for found in self._table.times():
+                for key, at in by_connection(found.rows[KEY]):
+                    parts.setdefault(key, []).append(found.rows[TIME, at])
+            self._times = {key: self._since_1970(key, np.concatenate(parts[key])) for key in parts}
         return self._times.get(connection_id, no_times())
 
     def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -93,30 +96,12 @@ class Db3File:
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
     ) -> Iterator[RawBatch]:
         """Messages as stored; a damaged page of the database costs that page."""
-        wanted = np.array(sorted(connection_ids), np.int64)
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
-        for (keys, times), messages in self._rows(_MESSAGES, has_blob=True):
-            length = np.fromiter(map(len, messages), np.int64, len(messages))
-            offset = np.cumsum(length) - length
-            data = np.frombuffer(b"".join(messages), np.uint8)
-            use = np.flatnonzero(np.isin(keys, wanted) & (times >= first) & (times <= last))
-            for key, part in by_connection(keys[use]):
-                at = use[part]
-                yield RawBatch(key, data, offset[at], length[at], times[at])
-
-    def _rows(
-        self, query: str, *, has_blob: bool
-    ) -> Iterator[tuple[NDArray[np.int64], list[bytes]]]:
-        """Topic and time (2, n) and, with `has_blob`, messages, of rows that hold them."""
-        for rows in read_rows(self._database, query, self._damage.note, has_blob=has_blob):
-            try:
-                yield _columns(rows, has_blob=has_blob)
-            except (TypeError, ValueError, OverflowError):  # SQLite asks nobody for types
-                whole = [row for row in rows if _is_message(row)]
-                lost = len(rows) - len(whole)
-                self._damage.note(f"{lost:,} rows from row {rows[0][0]} on hold no message")
-                yield _columns(whole, has_blob=has_blob)
+        for found in self._table.messages(connection_ids, first, last):
+            rows = found.rows
+            for key, at in by_connection(rows[KEY]):
+                yield RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
 
     def check(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""
@@ -130,20 +115,7 @@ class Db3File:
 
     def close(self) -> None:
         """Release the file."""
-        self._database.close()
-
-
-def _columns(rows: list[Row], *, has_blob: bool) -> tuple[NDArray[np.int64], list[bytes]]:
-    numbers = np.array([[row[1] for row in rows], [row[2] for row in rows]], np.int64)
-    messages = [row[3] for row in rows] if has_blob else []
-    if {*map(type, messages)} - {bytes}:
-        raise TypeError("a message that is no blob")
-    return numbers, messages
-
-
-def _is_message(row: Row) -> bool:
-    types = tuple(map(type, row))
-    return types in ((int, int, int), (int, int, int, bytes))
+        self._opened.close()
 
 
 def _connect(path: Path) -> sqlite3.Connection:

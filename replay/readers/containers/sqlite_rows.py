@@ -2,11 +2,15 @@
 
 import sqlite3
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Final
 
-_LEAST_ID: Final = -(2**63)
-_MOST_ID: Final = 2**63 - 1
+import numpy as np
+from numpy.typing import NDArray
+
+LEAST_ID: Final = -(2**63)
+MOST_ID: Final = 2**63 - 1
 #: A batch ends with either.
 _MOST_ROWS: Final = 8192
 _MOST_BYTES: Final = 8 * 2**20
@@ -15,12 +19,28 @@ _MOST_STEP: Final = 32
 
 Row = tuple[Any, ...]
 
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of messages, whose memory may be used again for those after the next."""
+
+    #: holds the messages
+    data: NDArray[np.uint8]
+    #: (4 or more, n): what `records` gives rows of, and more
+    rows: NDArray[np.int64]
+
+
 #: What a damaged database raises: Python's module stumbles over messages that are no text.
 FAULTS: Final = (sqlite3.Error, UnicodeDecodeError, MemoryError)
 
 
 def read_rows(
-    database: sqlite3.Connection, query: str, note: Callable[[str], None], *, has_blob: bool
+    database: sqlite3.Connection,
+    query: str,
+    after: int,
+    note: Callable[[str], None],
+    *,
+    has_blob: bool,
 ) -> Iterator[list[Row]]:
     """Rows of a table in batches.
 
@@ -28,10 +48,10 @@ def read_rows(
         database: opened.
         query: gives rows behind the rowid that is its parameter, ordered by rowid, which is the
             first column.
+        after: the rowid behind which rows are read.
         note: told what was lost, a sentence a damaged place.
         has_blob: whether the last column is one, whose size then bounds the batches.
     """
-    after = _LEAST_ID
     while True:
         rows: list[Row] = []
         fault: Exception | None = None
@@ -99,7 +119,7 @@ def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int 
     """The id behind which a row can be read again, None where there is none."""
 
     def first(gap: int) -> int | None:
-        beyond = min(after + gap, _MOST_ID)
+        beyond = min(after + gap, MOST_ID)
         row = database.execute(f"{query} LIMIT 1", (beyond,)).fetchone()
         if row is not None and row[0] <= beyond:
             raise sqlite3.DatabaseError("the tree leads back")
