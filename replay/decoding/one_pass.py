@@ -17,7 +17,7 @@ from replay.decoding.walk import Encoding, Layout, Noted, walk
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
-_BLOCK_ROWS: Final = 256
+_BLOCK_ROWS: Final = 1024
 
 
 class Gathered(NamedTuple):
