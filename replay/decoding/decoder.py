@@ -1,8 +1,8 @@
 """Decoders: what turns batches of raw messages into frames, and which one a type gets."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import polars as pl
 
@@ -13,6 +13,15 @@ from replay.decoding.program import compile_program
 from replay.decoding.wire import CDR
 from replay.readers.fields import OWN_COLUMNS, Field
 from replay.readers.message_types import MessageType
+
+#: Takes work, and gives what waits for its end.
+Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
+
+
+def at_once(work: Callable[[], None]) -> Callable[[], object]:
+    """Do the work, and wait for nothing: a `Submit`."""
+    work()
+    return lambda: None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,8 +46,11 @@ class Tally:
 class Decoder(Protocol):
     """Knows one type and the fields asked for."""
 
-    def decode(self, batch: RawBatch) -> Decoded:
-        """Decode messages; one that cannot be decoded costs its row."""
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:
+        """Begin to decode messages; what it gives ends that. One that cannot be costs its row.
+
+        Work that needs no lock of the interpreter is submitted, to be done in the meantime.
+        """
         ...
 
 

@@ -7,7 +7,7 @@ import polars as pl
 from rosbags.serde import SerdeError
 
 from replay.decoding.batch import RawBatch
-from replay.decoding.decoder import Decoded, schema_of
+from replay.decoding.decoder import Decoded, Submit, schema_of
 from replay.decoding.library import Library
 from replay.readers.container import BROKEN_BYTES
 from replay.readers.fields import ALL, Field, Step
@@ -29,6 +29,10 @@ class MessageByMessage:
     def __init__(self, kind: MessageType, fields: Sequence[Field]) -> None:
         self._kind = kind
         self._fields = tuple(fields)
+
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:  # noqa: ARG002 - objects need the lock
+        """See `Decoder.begin`."""
+        return lambda: self.decode(batch)
 
     def decode(self, batch: RawBatch) -> Decoded:
         """Decode messages one by one; one that the library refuses costs its row."""

@@ -1,6 +1,6 @@
 """A decode plan: the fields asked for of one type, in every encoding its messages may have."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from replay.decoding.arrays import of_times
 from replay.decoding.batch import RawBatch
-from replay.decoding.decoder import Decoded, schema_of
+from replay.decoding.decoder import Decoded, Submit, at_once, schema_of
 from replay.decoding.program import Program, Wanted, compile_program
 from replay.decoding.together import Together, gathered_together
 from replay.decoding.walk import TOO_SHORT, encapsulations
-from replay.decoding.walked import walk_batch
+from replay.decoding.walked import Walk, WalkedBatch
 from replay.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
 from replay.readers.fields import ALL, OWN_COLUMNS, Field, resolve
 from replay.readers.message_types import Record
@@ -57,20 +57,29 @@ class Plan:
 
     def decode(self, batch: RawBatch) -> Decoded:
         """Decode messages at once; one that is not whole costs its row."""
+        return self.begin(batch, at_once)()
+
+    def begin(self, batch: RawBatch, submit: Submit) -> Callable[[], Decoded]:
+        """See `Decoder.begin`."""
         if self._ros1:
             kinds = np.zeros(batch.rows, np.int64)
         else:
             kinds = encapsulations(batch.data, batch.offsets, batch.lengths)
-        if batch.rows and (kinds[0] == kinds).all() and int(kinds[0]) in self._wires:
-            part = self._part(batch, int(kinds[0]))
+        if not batch.rows or (kinds[0] != kinds).any() or int(kinds[0]) not in self._wires:
+            return lambda: self._mixed(batch, kinds)
+        finish = self._begin_part(batch, int(kinds[0]), submit)
+
+        def decoded() -> Decoded:
+            part = finish()
             return Decoded(part.frame, part.faulty.size, part.first_fault)
-        return self._mixed(batch, kinds)
+
+        return decoded
 
     def _mixed(self, batch: RawBatch, kinds: NDArray[np.int64]) -> Decoded:
         """Decode messages of several encapsulations, or of none that is known."""
         chosen = [np.flatnonzero(kinds == kind) for kind in self._wires]
         parts = [
-            (at, self._part(batch.select(at), kind))
+            (at, self._begin_part(batch.select(at), kind, at_once)())
             for kind, at in zip(self._wires, chosen, strict=True)
             if at.size
         ]
@@ -85,11 +94,11 @@ class Plan:
         _, first_fault = min(faults, key=lambda fault: int(fault[0][0]), default=(unknown, ""))
         return Decoded(pl.concat(frames)[order], sum(at.size for at, _ in faults), first_fault)
 
-    def _part(self, batch: RawBatch, kind: int) -> _Part:
-        """Decode messages of one encapsulation."""
+    def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
+        """Begin to decode messages of one encapsulation."""
         wire = self._wires[kind]
         program, together, places = self._programs[wire]
-        walked = walk_batch(
+        walk = Walk(
             program,
             together,
             batch.data,
@@ -97,9 +106,20 @@ class Plan:
             batch.lengths - wire.head,
             swap=wire.cdr and kind % 2 == 0,
         )
+        wait = submit(walk.run)
+
+        def finish() -> _Part:
+            wait()
+            return self._part(walk.result(), places, batch.log_times)
+
+        return finish
+
+    def _part(
+        self, walked: WalkedBatch, places: tuple[int | None, ...], log_times: NDArray[np.int64]
+    ) -> _Part:
         columns, whole = walked.columns, walked.whole
         faulty = np.flatnonzero(~whole)
-        log_times = batch.log_times[whole] if faulty.size else batch.log_times
+        log_times = log_times[whole] if faulty.size else log_times
         gathered = list(columns.gathered_on_the_way())
         arrays: list[Any] = [
             columns.column(field) if place is None else gathered[place]

@@ -1,17 +1,21 @@
 """Batches on their way through a decoder: small ones are put together, large ones split."""
 
+import os
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
 import numpy as np
 import polars as pl
 
 from replay.decoding.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
-from replay.decoding.decoder import Decoder, Tally
+from replay.decoding.decoder import Decoded, Decoder, Submit, Tally, at_once
 from replay.decoding.gather import runs, source_of
 from replay.decoding.in_order import joined_frames, sorted_batch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
 _FEW_ROWS: Final = 2048
+_WORKERS: Final = min(4, os.cpu_count() or 1)
 
 
 class Stream:
@@ -24,9 +28,10 @@ class Stream:
         #: put aside until they are worth the overhead of a batch
         self._few: list[RawBatch] = []
         self._rows = self._bytes = 0
+        self._begun: list[Callable[[], Decoded]] = []
 
-    def take(self, batch: RawBatch) -> None:
-        """Take the next messages; their memory may be used again."""
+    def take(self, batch: RawBatch, submit: Submit) -> None:
+        """Take the next messages; their memory may be used again once they are settled."""
         for part in batch.parts():
             if part.rows < _FEW_ROWS:
                 self._few.append(_copied(part))
@@ -34,29 +39,51 @@ class Stream:
                 self._bytes += self._few[-1].data.size
                 if self._rows < BATCH_ROWS and self._bytes < BATCH_BYTES:
                     continue
-            self._decode_few()
+            self._begin_few(submit)
             if part.rows >= _FEW_ROWS:
-                self._decode(part)
+                self._begin(part, submit)
+
+    def settle(self) -> None:
+        """End the decoding of what was taken."""
+        for finish in self._begun:
+            decoded = finish()
+            self.tally.rows += decoded.frame.height
+            self.tally.undecodable += decoded.undecodable
+            self.tally.first_fault = self.tally.first_fault or decoded.first_fault
+            if decoded.frame.height:
+                self._frames.append(decoded.frame)
+        self._begun.clear()
 
     def finish(self) -> pl.DataFrame:
         """Everything that was taken."""
-        self._decode_few()
+        self._begin_few(at_once)
+        self.settle()
         frame = joined_frames(self._frames)
         self._frames.clear()
         return frame
 
-    def _decode_few(self) -> None:
+    def _begin_few(self, submit: Submit) -> None:
         if self._few:
-            self._decode(_joined(self._few))
+            self._begin(_joined(self._few), submit)
             self._few, self._rows, self._bytes = [], 0, 0
 
-    def _decode(self, batch: RawBatch) -> None:
-        decoded = self._decoder.decode(sorted_batch(batch))
-        self.tally.rows += decoded.frame.height
-        self.tally.undecodable += decoded.undecodable
-        self.tally.first_fault = self.tally.first_fault or decoded.first_fault
-        if decoded.frame.height:
-            self._frames.append(decoded.frame)
+    def _begin(self, batch: RawBatch, submit: Submit) -> None:
+        self._begun.append(self._decoder.begin(sorted_batch(batch), submit))
+
+
+def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) -> None:
+    """Let streams take messages; compiled work goes to other threads.
+
+    Args:
+        groups: batches that lie in the same memory, which is used again for the next ones.
+        streams: by connection; some may be the same.
+    """
+    with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
+        for group in groups:
+            for batch in group:
+                streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
+            for stream in dict.fromkeys(streams[batch.connection_id] for batch in group):
+                stream.settle()
 
 
 def _copied(batch: RawBatch) -> RawBatch:

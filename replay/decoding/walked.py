@@ -30,47 +30,86 @@ class WalkedBatch:
     first_fault: str
 
 
-def walk_batch(
-    program: Program, together: Together, data: Bytes, begins: Ints, sizes: Ints, *, swap: bool
-) -> WalkedBatch:
-    """Walk the messages of one encapsulation.
+class Walk:
+    """A pass over messages of one encapsulation, with the memory that it needs.
 
-    Args:
-        program: of their type and encoding.
-        together: the fields that are gathered on the way.
-        data: (bytes,) what they lie in.
-        begins: (n,) where each begins, behind its encapsulation.
-        sizes: (n,) bytes of each from there on.
-        swap: whether their numbers are big-endian.
+    The memory is there before it is done, since it may be done in another thread: what threads
+    allocate themselves is kept apart from all else, and used again by none of the others.
     """
-    wire, nodes, rows = program.wire, program.mark_nodes, begins.size
-    source = source_of(data)
-    gathered = room_for(together.gathering, rows)
-    faults, places = np.empty(rows, np.int8), np.empty(rows, np.int64)
-    left, kept = np.empty(program.depth, np.int64), np.empty(program.nodes, np.int64)
-    room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
-    room[0] = rows
-    while True:
-        ends = np.cumsum(room[nodes])
-        bases = ends - room[nodes]
-        marks = np.empty(int(ends[-1]) if ends.size else 0, np.int64)
-        filled = np.zeros(program.nodes, np.int64)
-        gathered.long_bytes[:] = 0
-        one_pass(
-            source, begins, sizes, Encoding(wire.cdr, swap, wire.counted), program.steps,
-            Noted(nodes, bases, room, marks, filled, kept, left), no_layout(program.nodes),
-            together.gathering, gathered, faults, places,
-        )  # fmt: skip
-        if (filled <= room).all():
-            break
-        room = filled
-    noted = tuple(
-        marks[base : base + filled[node]] for base, node in zip(bases, nodes, strict=True)
+
+    def __init__(
+        self,
+        program: Program,
+        together: Together,
+        data: Bytes,
+        begins: Ints,
+        sizes: Ints,
+        *,
+        swap: bool,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            program: of the messages' type and encoding.
+            together: the fields that are gathered on the way.
+            data: (bytes,) what they lie in.
+            begins: (n,) where each begins, behind its encapsulation.
+            sizes: (n,) bytes of each from there on.
+            swap: whether their numbers are big-endian.
+        """
+        rows = begins.size
+        self._program, self._together, self._swap = program, together, swap
+        self._source, self._begins, self._sizes = source_of(data), begins, sizes
+        self._gathered = room_for(together.gathering, rows)
+        self._faults, self._places = np.empty(rows, np.int8), np.empty(rows, np.int64)
+        room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
+        room[0] = rows
+        self._noted = _room_for_marks(program, room)
+
+    def run(self) -> None:
+        """Do it."""
+        program, wire = self._program, self._program.wire
+        while True:
+            one_pass(
+                self._source, self._begins, self._sizes,
+                Encoding(wire.cdr, self._swap, wire.counted), program.steps, self._noted,
+                no_layout(program.nodes), self._together.gathering, self._gathered,
+                self._faults, self._places,
+            )  # fmt: skip
+            filled = self._noted.filled
+            if (filled <= self._noted.room).all():
+                return
+            self._noted = _room_for_marks(program, filled)
+            self._gathered.long_bytes[:] = 0
+
+    def result(self) -> WalkedBatch:
+        """What it found, once it is done."""
+        nodes, bases, _, marks, filled, *_ = self._noted
+        noted = tuple(
+            marks[base : base + filled[node]] for base, node in zip(bases, nodes, strict=True)
+        )
+        root, rows = self._program.root, int(filled[0])
+        columns = Columns(
+            self._source, self._swap, root, noted, rows, self._together, self._gathered
+        )
+        whole = self._faults == 0
+        if whole.all():
+            return WalkedBatch(columns, whole, "")
+        first = int(np.argmin(whole))
+        where = f"(at its byte {self._places[first] + self._program.wire.head})"
+        return WalkedBatch(columns, whole, f"{FAULTS[self._faults[first]]} {where}")
+
+
+def _room_for_marks(program: Program, room: Ints) -> Noted:
+    """Memory for the marks of so many elements of each node."""
+    nodes = program.mark_nodes
+    ends = np.cumsum(room[nodes])
+    return Noted(
+        nodes,
+        bases=ends - room[nodes],
+        room=room,
+        marks=np.empty(int(ends[-1]) if ends.size else 0, np.int64),
+        filled=np.zeros(program.nodes, np.int64),
+        kept=np.empty(program.nodes, np.int64),
+        left=np.empty(program.depth, np.int64),
     )
-    columns = Columns(source, swap, program.root, noted, int(filled[0]), together, gathered)
-    whole = faults == 0
-    if whole.all():
-        return WalkedBatch(columns, whole, "")
-    first = int(np.argmin(whole))
-    where = f"(at its byte {places[first] + wire.head})"
-    return WalkedBatch(columns, whole, f"{FAULTS[faults[first]]} {where}")

@@ -60,11 +60,12 @@ class Container(Protocol):
 
     def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawBatch]:
+    ) -> Iterator[list[RawBatch]]:
         """Messages of some connections in file order, both bounds inclusive.
 
-        A batch is done with when the next one is asked for: its memory is used again. Damage ends
-        up in `losses`; it raises nothing.
+        Batches of several connections that lie in the same memory come together. They are done
+        with when the next ones are asked for: their memory is used again. Damage ends up in
+        `losses`; it raises nothing.
         """
         ...
 

@@ -1,6 +1,6 @@
 """A log of messages: a container, the types of its topics, and the fields picked from them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
+from replay.decoding.batch import RawBatch
 from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
 from replay.readers.base_log import BaseLog
 from replay.readers.container import Connection, Container, LossList, no_times
@@ -80,12 +81,10 @@ class MessageLog(BaseLog):
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
-        for batch in self._container.batches(list(streams), start_ns, end_ns):
-            streams[batch.connection_id].take(batch)
+        self._take_all(self._container.batches(list(streams), start_ns, end_ns), streams)
         return {topic: self._finish(topic, reading) for topic, reading in readings.items()}
 
     def _reading(self, topic: str, fields: Sequence[str]) -> "Stream":
-        # numba is slow to import, and a log can be described without it
         from replay.decoding.stream import Stream
 
         found = self._topics.get(topic)
@@ -95,6 +94,12 @@ class MessageLog(BaseLog):
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
         picked = self._resolve(topic, fields, found.kind)
         return Stream(make_decoder(found.kind, picked), schema_of(picked))
+
+    def _take_all(self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]) -> None:
+        # numba is slow to import, and a log can be described without it
+        from replay.decoding.stream import take_all
+
+        take_all(groups, streams)
 
     def _finish(self, topic: str, stream: "Stream") -> pl.DataFrame:
         frame = stream.finish()
@@ -134,11 +139,17 @@ class MessageLog(BaseLog):
         topics = {c.id: c.topic for c in self._container.connections}
         times = {key: [no_times()] for key in topics}
         message_bytes = 0
-        for batch in self._container.batches(list(topics), None, None):
-            times[batch.connection_id].append(batch.log_times)
-            message_bytes += int(batch.lengths.sum())
-            if stream := streams.get(topics[batch.connection_id]):
-                stream.take(batch)
+
+        def counted() -> Iterator[list[RawBatch]]:
+            nonlocal message_bytes
+            for group in self._container.batches(list(topics), None, None):
+                for batch in group:
+                    times[batch.connection_id].append(batch.log_times)
+                    message_bytes += int(batch.lengths.sum())
+                yield [batch for batch in group if topics[batch.connection_id] in streams]
+
+        by_connection = {key: streams[t] for key, t in topics.items() if t in streams}
+        self._take_all(counted(), by_connection)
         for topic, stream in streams.items():
             stream.finish()
             self._note(topic, stream.tally)

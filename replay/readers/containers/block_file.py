@@ -73,7 +73,7 @@ class BlockFile(ABC):
 
     def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawBatch]:
+    ) -> Iterator[list[RawBatch]]:
         """Messages in file order; a damaged chunk costs that chunk."""
         return self._store.batches(connection_ids, start_ns, end_ns)
 

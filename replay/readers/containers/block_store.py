@@ -130,7 +130,7 @@ class BlockStore:
 
     def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawBatch]:
+    ) -> Iterator[list[RawBatch]]:
         """See `Container.batches`."""
         # compiled code, which describing a log does not wait for
         from replay.readers.containers.chosen import chosen_batches
@@ -148,7 +148,7 @@ class BlockStore:
         chosen = np.array(sorted(wanted), np.int64)
         for slab in read_slabs(self.file, touched, self.grammar):
             self._judge(slab)
-            yield from chosen_batches(slab.data, slab.rows, chosen, first, last)
+            yield list(chosen_batches(slab.data, slab.rows, chosen, first, last))
 
     def _judge(self, slab: Slab) -> None:
         for block, why in slab.damaged:

@@ -94,14 +94,16 @@ class Db3File:
 
     def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawBatch]:
+    ) -> Iterator[list[RawBatch]]:
         """Messages as stored; a damaged page of the database costs that page."""
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
         for found in self._table.messages(connection_ids, first, last):
             rows = found.rows
-            for key, at in by_connection(rows[KEY]):
-                yield RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+            yield [
+                RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
+                for key, at in by_connection(rows[KEY])
+            ]
 
     def check(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""

@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -130,7 +131,7 @@ class Rosbag2Directory:
 
     def batches(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[RawBatch]:
+    ) -> Iterator[list[RawBatch]]:
         """Messages file by file."""
         for part_number, part in enumerate(self._parts):
             outer = {
@@ -143,15 +144,17 @@ class Rosbag2Directory:
             stored = part.batches(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
                 stored = ahead(self._unpacked(part, stored))
-            for batch in stored:
-                yield replace(batch, connection_id=outer[batch.connection_id])
+            for group in stored:
+                yield [replace(b, connection_id=outer[b.connection_id]) for b in group]
 
-    def _unpacked(self, part: Container, stored: Iterator[RawBatch]) -> Iterator[RawBatch]:
+    def _unpacked(
+        self, part: Container, stored: Iterator[list[RawBatch]]
+    ) -> Iterator[list[RawBatch]]:
         lost: Counter[int] = Counter()
-        for batch in stored:
+        for batch in chain.from_iterable(stored):
             for unpacked, damaged in unpack_messages(batch):
                 lost[batch.connection_id] += damaged
-                yield unpacked
+                yield [unpacked]
         topics = {c.id: c.topic for c in part.connections}
         for key, count in lost.items():
             if count:

@@ -16,7 +16,7 @@ from replay.decoding.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.decoding.decoder import decoder_name, make_decoder, schema_of
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
-from replay.decoding.stream import Stream
+from replay.decoding.stream import Stream, take_all
 from replay.info import describe, render
 from replay.readers.container import Connection
 from replay.readers.definitions import compile_type
@@ -105,8 +105,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
 
     fields = [resolve("effort[left]", kind.record)]
     stream = Stream(make_decoder(kind, fields), schema_of(fields))
-    for batch in batches():
-        stream.take(batch)
+    take_all(([batch] for batch in batches()), {0: stream})
     frame, tally = stream.finish(), stream.tally
     assert frame["log_time_ns"].to_list() == [0, 2, 5, *range(6, 5007 + 2 * BATCH_ROWS + 1)]
     assert set(frame["effort[left]"]) == {0.5}

@@ -1,6 +1,7 @@
 """Messages as containers hand them over, and as the official readers do."""
 
 from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from mcap.reader import NonSeekingReader
@@ -17,7 +18,7 @@ def stored(container: Container, start_ns: int | None = None, end_ns: int | None
     """Every message, in the order of topic, then of the file."""
     topics = {connection.id: connection.topic for connection in container.connections}
     found: list[Stored] = []
-    for batch in container.batches(list(topics), start_ns, end_ns):
+    for batch in chain.from_iterable(container.batches(list(topics), start_ns, end_ns)):
         times = batch.log_times.tolist()
         topic = topics[batch.connection_id]
         found += [(topic, t, data) for t, data in zip(times, batch.messages(), strict=True)]
