@@ -143,13 +143,14 @@ def _connection(channel: Channel, schema: Schema | None) -> Connection:
     if schema is None:
         return Connection(channel.id, channel.topic, "", channel.message_encoding, "", "")
     name = schema.name
+    # bytes that are no text come back by the same error handler
+    errors = "surrogateescape" if schema.encoding == "protobuf" else "replace"
     return Connection(
         channel.id,
         channel.topic,
         # ROS 1 leaves out the /msg/ that ROS 2 has; a service's event has /srv/ in its place
         normalize_msgtype(name) if schema.encoding == "ros1msg" else name,
         channel.message_encoding,
-        # definitions that are no text (protobuf's) come back by the same error handler
-        schema.data.decode(errors="surrogateescape"),
+        schema.data.decode(errors=errors),
         schema.encoding,
     )
