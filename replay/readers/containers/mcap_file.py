@@ -96,6 +96,9 @@ class McapFile:
         """Go through the file, from start to end."""
         walk = Walk(self._store)
         self._store.survey(walk.chunks())
+        # a summary with a wrong CRC only completes what the data do not describe
+        for opcode, begin, size in walk.repeated:
+            self._describe(opcode, self._file.read(begin, size))
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             return
         size, last_ns = self._file.size, self._store.last_ns

@@ -1,7 +1,7 @@
 """Walk through an MCAP file without an index, from its start to its end, over what is damaged."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from replay.readers.containers.block import Block
@@ -32,6 +32,8 @@ class Walk:
     whole: int = len(MAGIC)
     data_ended: bool = False
     has_footer: bool = False
+    #: what the summary repeats: opcode, where it is, bytes
+    repeated: list[tuple[int, int, int]] = field(default_factory=list)
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
@@ -45,7 +47,7 @@ class Walk:
             if block is not None:
                 yield block
                 self.data_ended = False
-            elif opcode in (SCHEMA, CHANNEL, MESSAGE):
+            elif opcode == MESSAGE or (opcode in (SCHEMA, CHANNEL) and not self.data_ended):
                 end = stretches.add(at, _HEAD + length)
                 self.data_ended = self.data_ended and opcode != MESSAGE
             elif opcode in (0, CHUNK):
@@ -60,4 +62,6 @@ class Walk:
             elif opcode in (DATA_END, FOOTER):
                 self.data_ended = True
                 self.has_footer = opcode == FOOTER
+            elif self.data_ended and opcode in (SCHEMA, CHANNEL):
+                self.repeated.append((opcode, at + _HEAD, length))
             self.whole = at = end

@@ -36,6 +36,13 @@ def times(messages: list) -> list[int]:
     return sorted(time for _, time, _ in messages)
 
 
+def read(path: Path) -> list:
+    container = McapFile(path)
+    found = stored(container)
+    container.close()
+    return found
+
+
 @pytest.mark.parametrize("chunked", [False, True])
 def test_an_uncompressed_mcap_torn_anywhere_keeps_every_message_before_the_tear(
     tmp_path: Path, chunked: bool
@@ -136,6 +143,19 @@ def test_damage_in_a_chunk_without_a_crc_costs_the_messages_that_it_hit(tmp_path
     whats = [loss.what for loss in container.losses]
     assert any("are no whole records" in what for what in whats)
     assert any("where its index counts" in what for what in whats)
+    container.close()
+
+
+@pytest.mark.parametrize("chunked", [False, True])
+def test_a_damaged_summary_does_not_rename_the_topics_of_the_data(
+    tmp_path: Path, chunked: bool
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, use_chunking=chunked)
+    whole = read(path)
+    overwrite(path, path.read_bytes().rindex(b"/joints1"), b"/jointsX")
+    container = McapFile(path)
+    assert stored(container) == whole
     container.close()
 
 
