@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from replay.decoding.batch import RawBatch
 from replay.readers.container import no_times
 from replay.readers.containers.block import Block
-from replay.readers.containers.by_connection import by_connection
+from replay.readers.containers.by_connection import by_connection, count_by_connection
 from replay.readers.containers.damage import Damage
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.read_ahead import read_slabs
@@ -43,6 +43,7 @@ class BlockStore:
         self._blocks: list[Block] = []
         self._times: dict[int, list[NDArray[np.int64]]] = {}
         self._late: dict[int, int] = {}
+        self._topics: Mapping[int, str] = {}
 
     @cached_property
     def grammar(self) -> Grammar:
@@ -91,6 +92,7 @@ class BlockStore:
         Args:
             topics: of each connection that is described.
         """
+        self._topics = topics
         self._blocks.sort(key=lambda block: block.record_offset)
         for key, parts in self._times.items():
             if key not in topics:
@@ -134,13 +136,16 @@ class BlockStore:
             self.damage.lose(block, why)
         for block, first, last, unread in slab.parts:
             self._judge_unread(block, unread)
-            held = int(np.count_nonzero(slab.rows[KEY, first:last] >= 0))
-            said = sum(block.counts.values())
-            if held != said:
-                self.damage.note(
-                    f"the chunk at byte {block.record_offset} holds {held:,} whole messages where "
-                    f"its index counts {said:,}"
-                )
+            on_time = slab.rows[TIME, first:last] >= 0
+            held = count_by_connection(slab.rows[KEY, first:last][on_time])
+            for key in sorted(held.keys() | block.counts.keys()):
+                found, said = held.get(key, 0), block.counts.get(key, 0)
+                if found != said:
+                    self.damage.note(
+                        f"the chunk at byte {block.record_offset} holds {found:,} whole messages "
+                        f"where its index counts {said:,}",
+                        self._topics.get(key, ""),
+                    )
 
     def _judge_unread(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:

@@ -132,6 +132,21 @@ def test_a_bag_without_an_index_is_found_again_behind_damage(tmp_path: Path) -> 
     container.close()
 
 
+def test_a_message_that_damage_gave_to_another_topic_is_missed_there(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    data = path.read_bytes()
+    time = data.index(struct.pack("<II", 0, 1050))  # of a message of /joints0
+    overwrite(path, data.rindex(b"conn=", 0, time) + len(b"conn="), b"\x01")
+    with open_log(path) as log:
+        assert {t: log.read(t, []).height for t in ("/joints0", "/joints1")} == {
+            "/joints0": 99,
+            "/joints1": 101,
+        }
+        assert {loss.topic for loss in log.losses()} == {"/joints0", "/joints1"}
+        assert all("where its index counts" in loss.what for loss in log.losses())
+
+
 def test_damage_in_a_chunk_without_a_crc_costs_the_messages_that_it_hit(tmp_path: Path) -> None:
     path = tmp_path / "shift.bag"
     write_bag(path, DRIVE, None, 3000)
