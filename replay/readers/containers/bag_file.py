@@ -85,7 +85,8 @@ class BagFile:
         for offset in sorted(index.chunks):
             counts = index.chunks[offset]
             block = chunk_block(self._file, offset, read_record(self._file, offset))
-            if block is None:
+            # the index stands behind all chunks, so that the end of the file tears none of them
+            if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
                 self._store.damage.lose(lost, "it is not where the index says")
                 continue

@@ -82,7 +82,8 @@ class McapFile:
         for offset in sorted(chunks):
             block = chunk_block(self._file, offset)
             times = indexed_times(self._file, chunks[offset])
-            if block is None:
+            # the index stands behind all chunks, so that the end of the file tears none of them
+            if block is None or block.is_torn:
                 lost = damaged_block(chunks[offset])
                 self._store.lose(lost, times or {}, "it is not where the index says")
             elif times is None or not described or not self._channels.keys() >= times.keys():

@@ -189,6 +189,26 @@ def test_a_chunk_that_lies_about_its_size_is_refused_and_costs_no_memory(
     container.close()
 
 
+@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat], ids=str)
+def test_a_chunk_before_the_index_that_reaches_out_of_the_bag_is_lost_and_said(
+    tmp_path: Path, compression: Any
+) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, compression, 3000)
+    container = BagFile(path)
+    block = container._store._blocks[2]
+    topics = {c.id: c.topic for c in container.connections}
+    container.close()
+    overwrite(path, block.offset - 4, b"\xff" * 4)
+    container = BagFile(path)
+    lost = range(block.first_ns, block.last_ns + 1)
+    assert set(times(stored(container))) == {1000 + k for k in range(200)} - set(lost)
+    (loss,) = container.losses
+    for key, count in block.counts.items():
+        assert f"{count} of {topics[key]}" in loss.what
+    container.close()
+
+
 def test_a_chunk_that_unpacks_to_more_than_it_declares_is_stopped_there(tmp_path: Path) -> None:
     path = tmp_path / "bomb.mcap"
     write_mcap(path, DRIVE, chunk_size=3000)
