@@ -100,6 +100,8 @@ class McapFile:
         # a summary with a wrong CRC only completes what the data do not describe
         for opcode, begin, size in walk.repeated:
             self._describe(opcode, self._file.read(begin, size))
+        if walk.data_crc and not self._store.damage:
+            self._check_data(walk)
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             return
         size, last_ns = self._file.size, self._store.last_ns
@@ -108,6 +110,14 @@ class McapFile:
             f"breaks off after byte {walk.whole} of {size}, without a footer: every whole message "
             f"is read{until}; {size - walk.whole:,} bytes are lost or of a torn record"
         )
+
+    def _check_data(self, walk: Walk) -> None:
+        """Messages outside chunks have no CRC but that of all data together."""
+        if self._file.crc32(walk.data_bytes) != walk.data_crc:
+            self._store.damage.note(
+                f"the CRC of its data is wrong: some of their {walk.data_bytes:,} bytes are not as "
+                "they were recorded, and nothing tells which"
+            )
 
     def _describe(self, opcode: int, content: bytes) -> None:
         """Keep a channel or a schema, the first of each number."""

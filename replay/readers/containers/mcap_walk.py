@@ -31,6 +31,9 @@ class Walk:
     #: where the last whole record ends
     whole: int = len(MAGIC)
     data_ended: bool = False
+    #: of everything before the end of the data; 0 says that none was written
+    data_bytes: int = 0
+    data_crc: int = 0
     has_footer: bool = False
     #: what the summary repeats: opcode, where it is, bytes
     repeated: list[tuple[int, int, int]] = field(default_factory=list)
@@ -62,6 +65,9 @@ class Walk:
             elif opcode in (DATA_END, FOOTER):
                 self.data_ended = True
                 self.has_footer = opcode == FOOTER
+                if opcode == DATA_END:
+                    self.data_bytes = at
+                    self.data_crc = int.from_bytes(file.read(at + _HEAD, 4), "little")
             elif self.data_ended and opcode in (SCHEMA, CHANNEL):
                 self.repeated.append((opcode, at + _HEAD, length))
             self.whole = at = end

@@ -209,6 +209,19 @@ def test_a_chunk_before_the_index_that_reaches_out_of_the_bag_is_lost_and_said(
     container.close()
 
 
+def test_a_wrong_crc_of_messages_outside_chunks_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, use_chunking=False, enable_data_crcs=True)
+    whole = McapFile(path)
+    assert whole.losses == ()
+    whole.close()
+    overwrite(path, path.read_bytes().index(struct.pack("<d", 50.0)), struct.pack("<d", 51.0))
+    container = McapFile(path)
+    assert len(stored(container)) == len(DRIVE)
+    assert ["the CRC of its data is wrong" in loss.what for loss in container.losses] == [True]
+    container.close()
+
+
 def test_a_chunk_that_unpacks_to_more_than_it_declares_is_stopped_there(tmp_path: Path) -> None:
     path = tmp_path / "bomb.mcap"
     write_mcap(path, DRIVE, chunk_size=3000)
