@@ -17,6 +17,7 @@ from replay.readers.containers.damage import Damage
 from replay.readers.containers.sqlite_rows import FAULTS, Row, read_rows
 
 _MAGIC: Final = b"SQLite format 3\x00"
+_HEAD_BYTES: Final = 100
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
 _MESSAGES: Final = _TIMES.replace("timestamp", "timestamp, data")
 
@@ -26,10 +27,14 @@ class Db3File:
 
     def __init__(self, path: Path) -> None:
         with path.open("rb") as file:
-            if file.read(len(_MAGIC)) != _MAGIC:
-                raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
+            head = file.read(_HEAD_BYTES)
+        if not head.startswith(_MAGIC):
+            raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
         self.files: tuple[Path, ...] = (path,)
         self._damage = Damage(path.name)
+        tear = _tear(head, path.stat().st_size)
+        if tear:
+            self._damage.note(tear)
         self._path = path
         self._times: dict[int, NDArray[np.int64]] | None = None
         self._database = _connect(path)
@@ -59,12 +64,18 @@ class Db3File:
                 )
             }
         topics = self._database.execute(
-            "SELECT id, name, type, serialization_format FROM topics WHERE typeof(id) = 'integer'"
-            " AND typeof(name || type || serialization_format) = 'text' ORDER BY id"
-        )
+            "SELECT id, name, type, serialization_format,"
+            " typeof(id) = 'integer' AND typeof(name) = 'text' AND typeof(type) = 'text'"
+            " AND typeof(serialization_format) = 'text' FROM topics ORDER BY id"
+        ).fetchall()
+        whole = [row for *row, is_topic in topics if is_topic]
+        if len(whole) < len(topics):
+            self._damage.note(f"{len(topics) - len(whole):,} of its topics are damaged")
+        if not whole and self._database.execute("SELECT 1 FROM messages LIMIT 1").fetchone():
+            self._damage.note("it holds messages and no topic that they are of")
         return tuple(
             Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
-            for key, topic, kind, encoding in topics
+            for key, topic, kind, encoding in whole
         )
 
     @property
@@ -79,6 +90,9 @@ class Db3File:
             found += [numbers for numbers, _ in self._rows(_TIMES, has_blob=False)]
             keys, times = np.concatenate(found, axis=1)
             self._times = {key: self._since_1970(key, times[at]) for key, at in by_connection(keys)}
+            for key in self._times.keys() - {c.id for c in self.connections}:
+                count = self._times[key].size
+                self._damage.note(f"{count:,} messages of topic {key}, which nothing describes")
         return self._times.get(connection_id, no_times())
 
     def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -123,6 +137,18 @@ class Db3File:
         self._database.close()
 
 
+def _tear(head: bytes, size: int) -> str | None:
+    """What the first page of a database says of the end of its file, where that is torn."""
+    page = int.from_bytes(head[16:18], "big")
+    page = 2**16 if page == 1 else page
+    # the number of pages counts if what changed it last also changed the version behind it
+    pages = int.from_bytes(head[28:32], "big") if head[24:28] == head[92:96] else 0
+    if not page or not (size % page or pages * page > size):
+        return None
+    unsure = ", and its last page is torn: what stood there may be altered" if size % page else ""
+    return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"
+
+
 def _columns(rows: list[Row], *, has_blob: bool) -> tuple[NDArray[np.int64], list[bytes]]:
     numbers = np.array([[row[1] for row in rows], [row[2] for row in rows]], np.int64)
     messages = [row[3] for row in rows] if has_blob else []
@@ -145,6 +171,8 @@ def _connect(path: Path) -> sqlite3.Connection:
         database = sqlite3.connect(
             f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
         )
+        # without it, SQLite refuses a file whose end is torn off; the mode keeps it from writing
+        database.execute("PRAGMA writable_schema = ON")
     except sqlite3.Error as error:
         raise LogError(f"{path}: cannot be opened: {error}") from error
     database.text_factory = _decode
