@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import polars as pl
 from polars.exceptions import PolarsError
@@ -17,10 +17,14 @@ from replay.readers.protocol import TimeAxis
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
 from replay.readers.topics import TOPICS_SCHEMA, timing
 
+if TYPE_CHECKING:
+    from replay.readers.parquet_columns import ParquetColumns
+
 TOPIC: Final = "table"
 #: Columns that an error names.
 _NAMED: Final = 20
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
+_FAULTS: Final = (PolarsError, OSError)
 
 
 class TableLog:
@@ -31,9 +35,8 @@ class TableLog:
         self._losses = LossList()
         self._format = path.suffix.lower().removeprefix(".")
         try:
-            self._lazy = self._scan()
-            self._schema = self._lazy.collect_schema()
-        except (PolarsError, OSError) as error:
+            self._columns = self._open()
+        except _FAULTS as error:
             raise LogError(f"{path}: not a {self._format} table: {_line(error)}") from error
         self._axis = self._find_axis(time)
 
@@ -42,22 +45,24 @@ class TableLog:
         """The table's file."""
         return (self.path,)
 
-    def _scan(self) -> pl.LazyFrame:
+    def _open(self) -> "CsvColumns | ParquetColumns":
         if self._format == "parquet":
-            return pl.scan_parquet(self.path, glob=False)
-        strict = _scan_csv(self.path, cut_long_rows=False)
+            from replay.readers.parquet_columns import ParquetColumns  # pyarrow is slow to import
+
+            return ParquetColumns(self.path)
+        strict = CsvColumns(self.path, cut_long_rows=False)
         try:
             # polars notices a row that is too long only when it is to parse every column
-            strict.select(pl.all().count()).collect(engine="streaming")
+            strict.lazy.select(pl.all().count()).collect(engine="streaming")
         except PolarsError:
             self._losses.note(
                 self.path, "rows with more cells than the header: what is too much is not read"
             )
-            return _scan_csv(self.path, cut_long_rows=True)
+            return CsvColumns(self.path, cut_long_rows=True)
         return strict
 
     def _find_axis(self, given: TimeAxis | None) -> TimeAxis:
-        columns = self._schema.names()
+        columns = self._columns.names
         if given is not None and given.unit not in NS_PER_UNIT:
             raise LogError(
                 f"{self.path}: no unit of time '{given.unit}'; use {', '.join(NS_PER_UNIT)}"
@@ -103,17 +108,13 @@ class TableLog:
 
     def _column(self, name: str) -> pl.Series:
         try:
-            return self._lazy.select(name).collect(engine="streaming").to_series()
-        except (PolarsError, OSError) as error:
+            return self._columns.read(name)
+        except _FAULTS as error:
             fault = _line(error)
             raise LogError(f"{self.path}: column '{name}' cannot be read: {fault}") from error
 
     def _fields(self) -> list[str]:
-        return [
-            name
-            for name, dtype in self._schema.items()
-            if name and name not in _STAMPS and not dtype.is_nested()
-        ]
+        return [name for name in self._columns.names if name and name not in _STAMPS]
 
     def topics(self) -> pl.DataFrame:
         """The one topic; see `Log.topics`."""
@@ -217,18 +218,25 @@ class TableLog:
         """Nothing stays open."""
 
 
-def _scan_csv(path: Path, *, cut_long_rows: bool) -> pl.LazyFrame:
-    """A CSV as text, because a fault in a cell should cost that cell.
+class CsvColumns:
+    """The columns of a CSV file as text, because a fault in a cell should cost that cell.
 
     Rows with too few cells end in nulls.
     """
-    return pl.scan_csv(
-        path,
-        infer_schema=False,
-        glob=False,
-        encoding="utf8-lossy",
-        truncate_ragged_lines=cut_long_rows,
-    )
+
+    def __init__(self, path: Path, *, cut_long_rows: bool) -> None:
+        self.lazy = pl.scan_csv(
+            path,
+            infer_schema=False,
+            glob=False,
+            encoding="utf8-lossy",
+            truncate_ragged_lines=cut_long_rows,
+        )
+        self.names = self.lazy.collect_schema().names()
+
+    def read(self, name: str) -> pl.Series:
+        """A column, (rows,)."""
+        return self.lazy.select(name).collect(engine="streaming").to_series()
 
 
 def _line(error: BaseException) -> str:
