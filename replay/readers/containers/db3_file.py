@@ -60,7 +60,8 @@ class Db3File:
                 name: (text, encoding)
                 for name, text, encoding in self._database.execute(
                     "SELECT topic_type, encoded_message_definition, encoding"
-                    " FROM message_definitions"
+                    " FROM message_definitions WHERE typeof(encoded_message_definition) = 'text'"
+                    " AND typeof(encoding) = 'text'"
                 )
             }
         topics = self._database.execute(

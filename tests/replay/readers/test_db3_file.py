@@ -24,6 +24,22 @@ def test_a_type_without_definition_is_taken_from_a_ros2_release(tmp_path: Path) 
     assert frame["effort[left]"].to_list() == [0.0, 1.0, 2.0]
 
 
+@pytest.mark.parametrize("column", ["encoding", "encoded_message_definition"])
+@pytest.mark.parametrize("value", ["NULL", "x'ff'"])
+def test_a_definition_that_is_no_text_is_taken_from_a_release_too(
+    tmp_path: Path, column: str, value: str
+) -> None:
+    write_db3(tmp_path / "shift.db3", DRIVE[:3])
+    with sqlite3.connect(tmp_path / "shift.db3") as database:
+        database.execute("CREATE TABLE loose AS SELECT * FROM message_definitions")
+        database.execute("DROP TABLE message_definitions")
+        database.execute("ALTER TABLE loose RENAME TO message_definitions")
+        database.execute(f"UPDATE message_definitions SET {column} = {value}")
+    database.close()
+    frame = open_log(tmp_path / "shift.db3").read("/joints", ["effort[left]"])
+    assert frame["effort[left]"].to_list() == [0.0, 1.0, 2.0]
+
+
 def test_a_type_that_no_release_knows_costs_its_topic(tmp_path: Path) -> None:
     write_db3(tmp_path / "old.db3", DRIVE[:3])
     with sqlite3.connect(tmp_path / "old.db3") as database:
