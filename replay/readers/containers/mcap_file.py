@@ -64,7 +64,8 @@ class McapFile:
             indexed = self._store
             if said is not None or not indexed.message_count:
                 self._store = BlockStore(self._file, _grammar, self._describe)
-                self._walk()
+                counted = self._walk()
+                said = counted if said is None else said
         found = self._store.message_count
         if said not in (None, found) and not self._store.damage:
             self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
@@ -93,8 +94,8 @@ class McapFile:
         if unknown:
             self._store.survey(unknown)
 
-    def _walk(self) -> None:
-        """Go through the file, from start to end."""
+    def _walk(self) -> int | None:
+        """Go through the file, from start to end, and give what its statistics count."""
         walk = Walk(self._store)
         self._store.survey(walk.chunks())
         # a summary with a wrong CRC only completes what the data do not describe
@@ -103,13 +104,14 @@ class McapFile:
         if walk.data_crc and not self._store.damage:
             self._check_data(walk)
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
-            return
+            return walk.message_count
         size, last_ns = self._file.size, self._store.last_ns
         until = "" if last_ns is None else f", the last at log time {last_ns} ns"
         self._store.damage.note(
             f"breaks off after byte {walk.whole} of {size}, without a footer: every whole message "
             f"is read{until}; {size - walk.whole:,} bytes are lost or of a torn record"
         )
+        return walk.message_count
 
     def _check_data(self, walk: Walk) -> None:
         """Messages outside chunks have no CRC but that of all data together."""

@@ -11,16 +11,21 @@ from replay.readers.containers.mcap_records import (
     CHANNEL,
     CHUNK,
     DATA_END,
+    DATA_END_BYTES,
     FOOTER,
+    FOOTER_BYTES,
     MAGIC,
     MESSAGE,
     RECORD_HEAD,
     SCHEMA,
+    STATISTICS,
 )
 from replay.readers.containers.resume import resume
 from replay.readers.containers.stretch import Stretches
 
 _HEAD: Final = RECORD_HEAD.size
+#: A chunk whose opcode is damaged must not end the file.
+_LENGTHS: Final = {FOOTER: FOOTER_BYTES, DATA_END: DATA_END_BYTES}
 
 
 @dataclass(slots=True)
@@ -35,6 +40,8 @@ class Walk:
     data_bytes: int = 0
     data_crc: int = 0
     has_footer: bool = False
+    #: as the statistics say
+    message_count: int | None = None
     #: what the summary repeats: opcode, where it is, bytes
     repeated: list[tuple[int, int, int]] = field(default_factory=list)
 
@@ -53,7 +60,7 @@ class Walk:
             elif opcode == MESSAGE or (opcode in (SCHEMA, CHANNEL) and not self.data_ended):
                 end = stretches.add(at, _HEAD + length)
                 self.data_ended = self.data_ended and opcode != MESSAGE
-            elif opcode in (0, CHUNK):
+            elif opcode in (0, CHUNK) or length != _LENGTHS.get(opcode, length):
                 end = at
             if end > file.size and (block is not None or self.data_ended):
                 break
@@ -68,6 +75,8 @@ class Walk:
                 if opcode == DATA_END:
                     self.data_bytes = at
                     self.data_crc = int.from_bytes(file.read(at + _HEAD, 4), "little")
+            elif opcode == STATISTICS:
+                self.message_count = int.from_bytes(file.read(at + _HEAD, 8), "little")
             elif self.data_ended and opcode in (SCHEMA, CHANNEL):
                 self.repeated.append((opcode, at + _HEAD, length))
             self.whole = at = end
