@@ -7,7 +7,10 @@ from typing import Final
 from replay.readers.containers.bag_index import chunk_block
 from replay.readers.containers.bag_records import (
     BAG_HEADER,
+    CHUNK,
+    CHUNK_INFO,
     CONNECTION,
+    INDEX_DATA,
     MESSAGE,
     read_record,
 )
@@ -16,7 +19,14 @@ from replay.readers.containers.block_store import BlockStore
 from replay.readers.containers.resume import resume
 from replay.readers.containers.stretch import Stretches
 
-_KNOWN: Final = range(BAG_HEADER, CONNECTION + 1)
+#: By a field that it must have: a chunk whose op is damaged must not be passed over in silence.
+_KNOWN: Final = {
+    BAG_HEADER: b"index_pos",
+    INDEX_DATA: b"conn",
+    CHUNK: b"compression",
+    CHUNK_INFO: b"chunk_pos",
+    CONNECTION: b"conn",
+}
 
 
 @dataclass(slots=True)
@@ -43,8 +53,8 @@ class Walk:
             end = at
             if record is not None and record.op == MESSAGE:
                 end = stretches.add(at, record.end - at)
-            elif record is not None and record.op in _KNOWN and record.end <= file.size:
-                end = record.end
+            elif record is not None and _KNOWN.get(record.op) in record.fields:
+                end = record.end if record.end <= file.size else at
                 if record.op == CONNECTION:
                     self.describe(CONNECTION, file.read(at, end - at))
             if end == at:
