@@ -138,6 +138,7 @@ class BlockStore:
             self._judge_unread(block, unread)
             on_time = slab.rows[TIME, first:last] >= 0
             held = count_by_connection(slab.rows[KEY, first:last][on_time])
+            self._judge_times(block, slab.rows[:, first:last])
             for key in sorted(held.keys() | block.counts.keys()):
                 found, said = held.get(key, 0), block.counts.get(key, 0)
                 if found != said:
@@ -147,10 +148,19 @@ class BlockStore:
                         self._topics.get(key, ""),
                     )
 
+    def _judge_times(self, block: Block, rows: NDArray[np.int64]) -> None:
+        """Between two times, a block is read only if what is said of it lies between them too."""
+        times = rows[TIME, (rows[KEY] >= 0) & (rows[TIME] >= 0)]
+        if times.size and (times.min() < block.first_ns or times.max() > block.last_ns):
+            self.damage.note(
+                f"the chunk at byte {block.record_offset} holds messages of times that its index "
+                "does not tell of"
+            )
+
     def _judge_unread(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:
             self.damage.note(
-                f"{unread:,} of {block.unpacked_bytes:,} bytes in the chunk at byte "
+                f"{unread:,} of {block.room:,} bytes in the chunk at byte "
                 f"{block.record_offset} are no whole records and not read"
             )
 

@@ -239,6 +239,95 @@ def test_a_chunk_that_unpacks_to_more_than_it_declares_is_stopped_there(tmp_path
     container.close()
 
 
+@pytest.mark.parametrize("opcode", [0x01, 0x02, 0x0F])
+def test_a_chunk_that_damage_made_an_end_of_the_file_does_not_end_it(
+    tmp_path: Path, opcode: int
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    damaged = chunks(path)[2]
+    without_footer(path)
+    overwrite(path, damaged.chunk_start_offset, bytes([opcode]))
+    container = McapFile(path)
+    lost = range(damaged.message_start_time, damaged.message_end_time + 1)
+    assert set(times(stored(container))) == {1000 + k for k in range(200)} - set(lost)
+    container.close()
+
+
+def test_a_chunk_that_vanished_with_the_index_is_missed_by_the_statistics(tmp_path: Path) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000, enable_crcs=False)
+    second, third = chunks(path)[1:3]
+    data = path.read_bytes()
+    path.write_bytes(data[: second.chunk_start_offset] + data[third.chunk_start_offset :])
+    container = McapFile(path)
+    lost = second.message_end_time - second.message_start_time + 1
+    assert len(stored(container)) == 200 - lost
+    (loss,) = container.losses
+    assert loss.what == f"its statistics count 200 messages, {200 - lost} are there"
+    container.close()
+
+
+@pytest.mark.parametrize("byte", [0, 3, 4, 6, 255])
+def test_a_message_of_a_crashed_bag_whose_op_is_damaged_is_missed(
+    tmp_path: Path, byte: int
+) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    without_bag_index(path)
+    data = path.read_bytes()
+    time = data.index(struct.pack("<II", 0, 1050))
+    overwrite(path, data.rindex(b"op=", 0, time) + 3, bytes([byte]))
+    container = BagFile(path)
+    assert times(stored(container)) == [1000 + k for k in range(200) if k != 50]
+    assert any("are no whole records" in loss.what for loss in container.losses)
+    container.close()
+
+
+@pytest.mark.parametrize("byte", [1, 4, 6, 7])
+def test_a_chunk_of_a_crashed_bag_whose_op_is_damaged_is_missed(tmp_path: Path, byte: int) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, Writer1.CompressionFormat.LZ4, 3000)
+    container = BagFile(path)
+    block = container._store._blocks[2]
+    container.close()
+    without_bag_index(path)
+    overwrite(path, path.read_bytes().index(b"op=\x05", block.record_offset) + 3, bytes([byte]))
+    container = BagFile(path)
+    lost = range(block.first_ns, block.last_ns + 1)
+    assert set(times(stored(container))) == {1000 + k for k in range(200)} - set(lost)
+    assert any("bytes cannot be read, in 1 place" in loss.what for loss in container.losses)
+    container.close()
+
+
+@pytest.mark.parametrize("change", [-300, 300])
+def test_a_chunk_whose_stored_size_is_damaged_gives_no_message_twice(
+    tmp_path: Path, change: int
+) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    container = BagFile(path)
+    block = container._store._blocks[2]
+    container.close()
+    without_bag_index(path)
+    overwrite(path, block.offset - 4, struct.pack("<I", block.stored_bytes + change))
+    container = BagFile(path)
+    found = times(stored(container))
+    assert found == sorted(set(found))
+    assert len(found) >= 198
+    assert len(container.losses) > 1
+    container.close()
+
+
+def test_a_message_of_a_time_that_the_index_does_not_tell_of_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    overwrite(path, path.read_bytes().index(struct.pack("<II", 0, 1050)), struct.pack("<I", 7))
+    with open_log(path) as log:
+        assert log.read("/joints0", [])["log_time_ns"][-1] == 7_000_001_050
+        assert "of times that its index does not tell of" in log.losses()[0].what
+
+
 def test_many_damaged_chunks_are_told_in_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "shift.mcap"
     write_mcap(path, DRIVE, chunk_size=300)
