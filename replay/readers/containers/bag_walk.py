@@ -7,7 +7,6 @@ from typing import Final
 from replay.readers.containers.bag_index import chunk_block
 from replay.readers.containers.bag_records import (
     BAG_HEADER,
-    CHUNK,
     CHUNK_INFO,
     CONNECTION,
     INDEX_DATA,
@@ -23,7 +22,6 @@ from replay.readers.containers.stretch import Stretches
 _KNOWN: Final = {
     BAG_HEADER: b"index_pos",
     INDEX_DATA: b"conn",
-    CHUNK: b"compression",
     CHUNK_INFO: b"chunk_pos",
     CONNECTION: b"conn",
 }
@@ -46,12 +44,13 @@ class Walk:
         while at < file.size:
             record = read_record(file, at)
             block = chunk_block(file, at, record)
+            end = at
             if block is not None:
                 yield block
                 if block.is_torn:
                     return
-            end = at
-            if record is not None and record.op == MESSAGE:
+                end = block.offset + block.stored_bytes
+            elif record is not None and record.op == MESSAGE:
                 end = stretches.add(at, record.end - at)
             elif record is not None and _KNOWN.get(record.op) in record.fields:
                 end = record.end if record.end <= file.size else at

@@ -300,6 +300,16 @@ def test_a_chunk_of_a_crashed_bag_whose_op_is_damaged_is_missed(tmp_path: Path, 
     container.close()
 
 
+def test_a_chunk_whose_compression_is_not_named_gives_no_message_twice(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    without_bag_index(path)
+    overwrite(path, path.read_bytes().index(b"compression="), b"K")
+    container = BagFile(path)
+    assert times(stored(container)) == [1000 + k for k in range(200)]
+    container.close()
+
+
 @pytest.mark.parametrize("change", [-300, 300])
 def test_a_chunk_whose_stored_size_is_damaged_gives_no_message_twice(
     tmp_path: Path, change: int
