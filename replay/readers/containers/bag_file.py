@@ -56,6 +56,7 @@ class BagFile:
 
     def _open(self, begin: int) -> None:
         self._connections: dict[int, Connection] = {}
+        self._connections_at: dict[int, int] = {}
         self._store = BlockStore(self._file, _grammar, self._describe)
         header = read_record(self._file, begin)
         index = self._index(header)
@@ -80,7 +81,7 @@ class BagFile:
 
     def _take(self, index: BagIndex) -> None:
         for record, data in index.connections:
-            self._connect(record.fields, data)
+            self._connect(record.fields, data, -1)
         unknown: list[Block] = []
         for offset in sorted(index.chunks):
             counts = index.chunks[offset]
@@ -113,20 +114,21 @@ class BagFile:
             "are lost or of a torn record"
         )
 
-    def _describe(self, op: int, content: bytes) -> None:
+    def _describe(self, op: int, content: bytes, at: int) -> None:
         """A record of a connection, header and data."""
         del op
         size = int.from_bytes(content[:4], "little")
-        self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :])
+        self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
 
-    def _connect(self, fields: dict[bytes, bytes], data: bytes) -> None:
+    def _connect(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
         inner = parse_fields(data) or {}
         key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
         if len(key) != 4 or b"type" not in inner:
             self._store.damage.note("the record of a connection is damaged")
             return
         number = int.from_bytes(key, "little")
-        if number not in self._connections:
+        if at < self._connections_at.get(number, self._file.size):
+            self._connections_at[number] = at
             self._connections[number] = Connection(
                 number,
                 topic.decode(errors="replace"),

@@ -1,6 +1,6 @@
 """Walk through a ROS 1 bag without an index, from its start to its end, over what is damaged."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,7 +14,7 @@ from replay.readers.containers.bag_records import (
     read_record,
 )
 from replay.readers.containers.block import Block
-from replay.readers.containers.block_store import BlockStore
+from replay.readers.containers.block_store import BlockStore, Describe
 from replay.readers.containers.resume import resume
 from replay.readers.containers.stretch import Stretches
 
@@ -34,7 +34,7 @@ class Walk:
     store: BlockStore
     #: where the last whole record ends
     whole: int
-    describe: Callable[[int, bytes], None]
+    describe: Describe
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
@@ -55,7 +55,7 @@ class Walk:
             elif record is not None and _KNOWN.get(record.op) in record.fields:
                 end = record.end if record.end <= file.size else at
                 if record.op == CONNECTION:
-                    self.describe(CONNECTION, file.read(at, end - at))
+                    self.describe(CONNECTION, file.read(at, end - at), at)
             if end == at:
                 found = resume(file, at, self.store.grammar.find)
                 if found is None:

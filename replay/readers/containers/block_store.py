@@ -19,6 +19,10 @@ from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME, Grammar
 
 _INT64_MAX: Final = 2**63 - 1
 
+#: (opcode, bytes, offset): of what records say of the same thing, what stands first counts. They
+#: come in another order, and what an index repeats may be damaged.
+Describe = Callable[[int, bytes, int], None]
+
 
 class BlockStore:
     """Blocks in file order, with the log times of their messages."""
@@ -27,14 +31,14 @@ class BlockStore:
         self,
         file: FileBytes,
         load_grammar: Callable[[], Grammar],
-        describe: Callable[[int, bytes], None],
+        describe: Describe,
     ) -> None:
         """Begin without blocks.
 
         Args:
             file: that holds them.
             load_grammar: of its records; compiled code, which an index makes unnecessary.
-            describe: is told of each record that is no message: its opcode and its bytes.
+            describe: is told of each record that is no message.
         """
         self.file = file
         self.damage = Damage(file.path.name)
@@ -83,7 +87,8 @@ class BlockStore:
     def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
         """Add a block with the rows that scanning it gave."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
-            self._describe(-1 - key, data[offset : offset + length].tobytes())
+            content = data[offset : offset + length].tobytes()
+            self._describe(-1 - key, content, block.record_offset)
         self.add(block, {key: rows[TIME, at] for key, at in by_connection(rows[KEY])})
 
     def finish(self, topics: Mapping[int, str]) -> None:

@@ -57,6 +57,8 @@ class McapFile:
     def _open(self) -> None:
         summary = Summary(self._file)
         self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
+        self._channels_at = dict.fromkeys(self._channels, -1)
+        self._schemas_at = dict.fromkeys(self._schemas, -1)
         self._store = BlockStore(self._file, _grammar, self._describe)
         self._take_index(summary)
         said = summary.message_count
@@ -96,11 +98,8 @@ class McapFile:
 
     def _walk(self) -> int | None:
         """Go through the file, from start to end, and give what its statistics count."""
-        walk = Walk(self._store)
+        walk = Walk(self._store, self._describe)
         self._store.survey(walk.chunks())
-        # a summary with a wrong CRC only completes what the data do not describe
-        for opcode, begin, size in walk.repeated:
-            self._describe(opcode, self._file.read(begin, size))
         if walk.data_crc and not self._store.damage:
             self._check_data(walk)
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
@@ -121,16 +120,18 @@ class McapFile:
                 "they were recorded, and nothing tells which"
             )
 
-    def _describe(self, opcode: int, content: bytes) -> None:
-        """Keep a channel or a schema, the first of each number."""
+    def _describe(self, opcode: int, content: bytes, at: int) -> None:
+        """Keep a channel or a schema, the first of each number; the summary's counts as first."""
         stream = ReadDataStream(BytesIO(content))
         try:
             if opcode == CHANNEL:
                 channel = Channel.read(stream)
-                self._channels.setdefault(channel.id, channel)
+                if at < self._channels_at.get(channel.id, self._file.size):
+                    self._channels[channel.id], self._channels_at[channel.id] = channel, at
             else:
                 schema = Schema.read(stream)
-                self._schemas.setdefault(schema.id, schema)
+                if at < self._schemas_at.get(schema.id, self._file.size):
+                    self._schemas[schema.id], self._schemas_at[schema.id] = schema, at
         except (McapError, *BROKEN_BYTES) as error:
             kind = "channel" if opcode == CHANNEL else "schema"
             self._store.damage.note(f"the record of a {kind} is damaged: {error}")

@@ -1,11 +1,11 @@
 """Walk through an MCAP file without an index, from its start to its end, over what is damaged."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from replay.readers.containers.block import Block
-from replay.readers.containers.block_store import BlockStore
+from replay.readers.containers.block_store import BlockStore, Describe
 from replay.readers.containers.mcap_index import chunk_block
 from replay.readers.containers.mcap_records import (
     CHANNEL,
@@ -33,6 +33,7 @@ class Walk:
     """Adds what stands outside chunks to a store, and yields the chunks."""
 
     store: BlockStore
+    describe: Describe
     #: where the last whole record ends
     whole: int = len(MAGIC)
     data_ended: bool = False
@@ -42,8 +43,6 @@ class Walk:
     has_footer: bool = False
     #: as the statistics say
     message_count: int | None = None
-    #: what the summary repeats: opcode, where it is, bytes
-    repeated: list[tuple[int, int, int]] = field(default_factory=list)
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
@@ -57,9 +56,8 @@ class Walk:
             if block is not None:
                 yield block
                 self.data_ended = False
-            elif opcode == MESSAGE or (opcode in (SCHEMA, CHANNEL) and not self.data_ended):
+            elif opcode in (SCHEMA, CHANNEL, MESSAGE) and not self.data_ended:
                 end = stretches.add(at, _HEAD + length)
-                self.data_ended = self.data_ended and opcode != MESSAGE
             elif opcode in (0, CHUNK) or length != _LENGTHS.get(opcode, length):
                 end = at
             if end > file.size and (block is not None or self.data_ended):
@@ -75,8 +73,8 @@ class Walk:
                 if opcode == DATA_END:
                     self.data_bytes = at
                     self.data_crc = int.from_bytes(file.read(at + _HEAD, 4), "little")
+            elif opcode in (SCHEMA, CHANNEL) and self.data_ended:
+                self.describe(opcode, file.read(at + _HEAD, length), at)
             elif opcode == STATISTICS:
                 self.message_count = int.from_bytes(file.read(at + _HEAD, 8), "little")
-            elif self.data_ended and opcode in (SCHEMA, CHANNEL):
-                self.repeated.append((opcode, at + _HEAD, length))
             self.whole = at = end

@@ -162,13 +162,16 @@ def test_damage_in_a_chunk_without_a_crc_costs_the_messages_that_it_hit(tmp_path
 
 
 @pytest.mark.parametrize("chunked", [False, True])
+@pytest.mark.parametrize("first_opcode", [0x03, 0x05])
 def test_a_damaged_summary_does_not_rename_the_topics_of_the_data(
-    tmp_path: Path, chunked: bool
+    tmp_path: Path, chunked: bool, first_opcode: int
 ) -> None:
     path = tmp_path / "shift.mcap"
     write_mcap(path, DRIVE, use_chunking=chunked)
     whole = read(path)
-    overwrite(path, path.read_bytes().rindex(b"/joints1"), b"/jointsX")
+    data = path.read_bytes()
+    overwrite(path, data.rindex(b"/joints1"), b"/jointsX")
+    overwrite(path, int.from_bytes(data[-28:-20], "little"), bytes([first_opcode]))
     container = McapFile(path)
     assert stored(container) == whole
     container.close()
