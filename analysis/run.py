@@ -2,10 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import polars as pl
-from pydantic import BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, ConfigDict
+
+from estimators.errors import one_line
+
+OneLine = Annotated[str, AfterValidator(one_line)]
 
 
 class InputFile(BaseModel):
@@ -26,9 +30,9 @@ class Loss(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    source: str
-    topic: str = ""
-    what: str
+    source: OneLine
+    topic: OneLine = ""
+    what: OneLine
 
     def __str__(self) -> str:
         """The sentence, after where it happened."""

@@ -18,6 +18,9 @@ from difflib import get_close_matches
 class PayscopeError(Exception):
     """The root: its text is one line that a person can act on."""
 
+    def __init__(self, text: str) -> None:
+        super().__init__(one_line(text))
+
 
 class LogError(PayscopeError):
     """A log cannot be opened or read as asked."""
@@ -41,6 +44,11 @@ class DataError(PayscopeError):
 
 class OutputError(PayscopeError):
     """An output cannot be written, or is there already."""
+
+
+def one_line(text: str) -> str:
+    """The same text in one line, also where it quotes damaged bytes or a stranger's names."""
+    return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:

@@ -13,10 +13,22 @@ from replay.readers.container import BROKEN_BYTES
 from replay.readers.fields import ALL, Field, Step
 from replay.readers.message_types import MessageType
 
+
+def _text(value: Any) -> str:
+    """A string.
+
+    Raises:
+        UnicodeEncodeError: JSON can spell half of a character, which no column holds.
+    """
+    text = str(value)
+    text.encode()
+    return text
+
+
 _CONVERT: Final[dict[str, Callable[[Any], Any]]] = {
     "bool": bool,
-    "string": str,
-    "wstring": str,
+    "string": _text,
+    "wstring": _text,
     **dict.fromkeys(("float32", "float64", "float128"), float),
     # rosbags reads the octet of ROS 2, whose kind this is too, as a signed number
     "uint8": lambda value: int(value) & 0xFF,

@@ -11,7 +11,24 @@ from polars.exceptions import PolarsError
 _NO_SEPARATOR: Final = "\x1f"
 
 
-def scan_csv(path: Path, note: Callable[[str], None]) -> pl.LazyFrame:
+class CsvColumns:
+    """The columns of a CSV file."""
+
+    def __init__(self, path: Path, note: Callable[[str], None]) -> None:
+        """Look at all of it for rows that are too long, too short or torn; see `_rows`."""
+        self._rows = _rows(path, note)
+        self.names = self._rows.collect_schema().names()
+
+    def read(self, name: str) -> pl.Series:
+        """A column as text, (rows,).
+
+        Raises:
+            PolarsError: it cannot be read.
+        """
+        return self._rows.select(name).collect(engine="streaming").to_series()
+
+
+def _rows(path: Path, note: Callable[[str], None]) -> pl.LazyFrame:
     """A CSV as text, because a fault in a cell should cost that cell.
 
     Rows with too few cells end in nulls; the last one, where no line end follows it, is torn and

@@ -21,6 +21,7 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
+from estimators.errors import one_line
 from replay.readers.container import BROKEN_BYTES, Connection
 from replay.readers.message_types import (
     COLUMN_DTYPES,
@@ -63,6 +64,9 @@ _MOST_ELEMENTS: Final = 2**16
 class DefinitionError(Exception):
     """Why messages of a connection cannot be decoded, in a line."""
 
+    def __init__(self, text: str) -> None:
+        super().__init__(one_line(text))
+
 
 def compile_type(connection: Connection) -> MessageType:
     """Make the decoder of one connection.
@@ -78,7 +82,7 @@ def compile_type(connection: Connection) -> MessageType:
 def _compiled(connection: Connection) -> MessageType:
     formats = _DECODABLE.get(connection.encoding)
     if formats is None or connection.definition_format not in formats:
-        kind = connection.definition_format or "no"
+        kind = shorten(connection.definition_format, 80) or "no"
         raise DefinitionError(
             f"no decoder for encoding '{connection.encoding}' with {kind} definition; "
             "there is one for cdr (ros2msg, ros2idl), ros1 (ros1msg), json (jsonschema), protobuf"

@@ -61,7 +61,7 @@ class _Schema:
         properties: Schema = schema.get("properties", {})
         if set(properties) in _STAMPS:
             return Scalar("stamp")
-        fields = ((name, self.field(inner, depth + 1)) for name, inner in properties.items())
+        fields = ((_text(name), self.field(inner, depth + 1)) for name, inner in properties.items())
         return Record(
             str(schema.get("title", "object")),
             tuple((name, kind) for name, kind in fields if kind is not None),
@@ -78,6 +78,11 @@ class _Schema:
             for step in reference.removeprefix("#/").split("/"):
                 schema = schema[step]
         raise ValueError("its references go in circles")
+
+
+def _text(name: str) -> str:
+    name.encode()  # JSON can spell half of a character, which names no column
+    return name
 
 
 def _decode(data: bytes) -> Any:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import polars as pl
 from polars.exceptions import PolarsError
@@ -13,15 +13,19 @@ from analysis.run import Loss
 from estimators.errors import LogError, nearest
 from replay.readers.base_log import BaseLog
 from replay.readers.container import LossList
-from replay.readers.csv_table import scan_csv
+from replay.readers.csv_table import CsvColumns
 from replay.readers.protocol import Checked, TimeAxis
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
 from replay.readers.topics import TOPICS_SCHEMA, timing
+
+if TYPE_CHECKING:
+    from replay.readers.parquet_columns import ParquetColumns
 
 TOPIC: Final = "table"
 #: Columns that an error names.
 _NAMED: Final = 20
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
+_FAULTS: Final = (PolarsError, OSError)
 
 
 class TableLog(BaseLog):
@@ -32,9 +36,8 @@ class TableLog(BaseLog):
         self._losses = LossList()
         self._format = path.suffix.lower().removeprefix(".")
         try:
-            self._lazy = self._scan()
-            self._schema = self._lazy.collect_schema()
-        except (PolarsError, OSError) as error:
+            self._columns = self._open()
+        except _FAULTS as error:
             raise LogError(f"{path}: not a {self._format} table: {_line(error)}") from error
         self._axis = self._find_axis(time)
 
@@ -43,13 +46,15 @@ class TableLog(BaseLog):
         """The table's file."""
         return (self.path,)
 
-    def _scan(self) -> pl.LazyFrame:
+    def _open(self) -> "CsvColumns | ParquetColumns":
         if self._format == "parquet":
-            return pl.scan_parquet(self.path, glob=False)
-        return scan_csv(self.path, partial(self._losses.note, self.path))
+            from replay.readers.parquet_columns import ParquetColumns  # pyarrow is slow to import
+
+            return ParquetColumns(self.path)
+        return CsvColumns(self.path, partial(self._losses.note, self.path))
 
     def _find_axis(self, given: TimeAxis | None) -> TimeAxis:
-        columns = self._schema.names()
+        columns = self._columns.names
         if given is not None and given.unit not in NS_PER_UNIT:
             raise LogError(
                 f"{self.path}: no unit of time '{given.unit}'; use {', '.join(NS_PER_UNIT)}"
@@ -96,17 +101,13 @@ class TableLog(BaseLog):
 
     def _column(self, name: str) -> pl.Series:
         try:
-            return self._lazy.select(name).collect(engine="streaming").to_series()
-        except (PolarsError, OSError) as error:
+            return self._columns.read(name)
+        except _FAULTS as error:
             fault = _line(error)
             raise LogError(f"{self.path}: column '{name}' cannot be read: {fault}") from error
 
     def _fields(self) -> list[str]:
-        return [
-            name
-            for name, dtype in self._schema.items()
-            if name and name not in _STAMPS and not dtype.is_nested()
-        ]
+        return [name for name in self._columns.names if name and name not in _STAMPS]
 
     def topics(self) -> pl.DataFrame:
         """The one topic; see `Log.topics`."""
@@ -190,7 +191,7 @@ class TableLog(BaseLog):
         self._check_open()
         fields = self._fields()
         message_bytes = 0
-        for name in self._schema:
+        for name in self._columns.names:
             try:
                 column = self._values(name) if name in fields else self._column(name)
             except LogError as error:

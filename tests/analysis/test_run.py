@@ -20,6 +20,11 @@ def run(**changes):
     return Run(**{"frames": frames, "provenance": provenance, **changes})
 
 
+def test_a_loss_is_one_line_also_where_it_quotes_what_is_none():
+    loss = Loss(source="a.bag", topic="/a\nb", what="the first is '\x0b\x00'")
+    assert str(loss) == "a.bag /a b: the first is ' �'"
+
+
 def test_a_run_equals_one_made_alike():
     assert run() == run()
     assert Run({}) == Run({})

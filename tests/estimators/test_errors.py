@@ -17,6 +17,11 @@ def test_every_error_is_a_payscope_error_with_a_docstring():
         assert error.__doc__
 
 
+def test_an_error_is_one_line_also_where_it_quotes_what_is_none():
+    error = errors.LogError("a.csv: no topic '/a\n\x1b[2J\u2028\x0c\ud800ü🚜'")
+    assert str(error) == "a.csv: no topic '/a �[2J  �ü🚜'"
+
+
 @pytest.mark.parametrize(
     ("word", "hint"),
     [

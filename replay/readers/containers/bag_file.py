@@ -34,6 +34,7 @@ class BagFile(BlockFile):
                 f"'rosbag fix {path.name}' brings it to 2.0"
             )
         self._connections: dict[int, Connection] = {}
+        self._connections_at: dict[int, int] = {}
         header = read_record(self._file, len(head))
         index = self._index(header)
         if index is not None:
@@ -67,12 +68,13 @@ class BagFile(BlockFile):
 
     def _take(self, index: BagIndex) -> None:
         for record, data in index.connections:
-            self._connect(record.fields, data)
+            self._connect(record.fields, data, -1)
         unknown: list[Block] = []
         for offset in sorted(index.chunks):
             counts = index.chunks[offset]
             block = chunk_block(self._file, offset, read_record(self._file, offset))
-            if block is None:
+            # the index stands behind all chunks, so that the end of the file tears none of them
+            if block is None or (block.is_torn and counts):
                 lost = Block(offset, 0, 0, "", 0, counts=counts)
                 self._store.damage.lose(lost, "it is not where the index says")
                 continue
@@ -99,20 +101,21 @@ class BagFile(BlockFile):
             "are lost or of a torn record"
         )
 
-    def _describe(self, op: int, content: bytes) -> None:
+    def _describe(self, op: int, content: bytes, at: int) -> None:
         """A record of a connection, header and data."""
         del op
         size = int.from_bytes(content[:4], "little")
-        self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :])
+        self._connect(parse_fields(content[4 : 4 + size]) or {}, content[8 + size :], at)
 
-    def _connect(self, fields: dict[bytes, bytes], data: bytes) -> None:
+    def _connect(self, fields: dict[bytes, bytes], data: bytes, at: int) -> None:
         inner = parse_fields(data) or {}
         key, topic = fields.get(b"conn", b""), fields.get(b"topic", inner.get(b"topic", b""))
         if len(key) != 4 or b"type" not in inner:
             self._store.damage.note("the record of a connection is damaged")
             return
         number = int.from_bytes(key, "little")
-        if number not in self._connections:
+        if at < self._connections_at.get(number, self._file.size):
+            self._connections_at[number] = at
             self._connections[number] = Connection(
                 number,
                 topic.decode(errors="replace"),

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from replay.readers.containers.bag_records import CHUNK, CONNECTION, LONGEST_HEADER, MESSAGE
+from replay.readers.containers.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.readers.containers.little_endian import little_endian
 from replay.readers.containers.records import Grammar
 
@@ -66,23 +66,22 @@ def _scan(
 ) -> tuple[int, int]:
     """Rows of messages and connections; see `records.Scan`.
 
-    It stops at a record that is not whole, and at a chunk.
+    It stops at a record that is not whole, and at one that only stands outside chunks.
     """
     found = 0
     at = begin
     room = rows.shape[1]
     while at + 8 <= end:
         op, connection, time, body, stop = _parse(data, at, end, LONGEST_HEADER)
-        if op < 0 or op == CHUNK or stop > end:
+        if (op not in (MESSAGE, CONNECTION)) or stop > end:
             break
-        if op in (MESSAGE, CONNECTION):
-            if row < room:
-                rows[0, row] = connection if op == MESSAGE else -1 - CONNECTION
-                rows[1, row] = time
-                rows[2, row] = body if op == MESSAGE else at
-                rows[3, row] = stop - body if op == MESSAGE else stop - at
-            row += 1
-            found += 1
+        if row < room:
+            rows[0, row] = connection if op == MESSAGE else -1 - CONNECTION
+            rows[1, row] = time
+            rows[2, row] = body if op == MESSAGE else at
+            rows[3, row] = stop - body if op == MESSAGE else stop - at
+        row += 1
+        found += 1
         at = stop
     return found, at
 

@@ -1,22 +1,30 @@
 """Walk through a ROS 1 bag without an index, from its start to its end, over what is damaged."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from replay.readers.containers.bag_index import chunk_block
 from replay.readers.containers.bag_records import (
     BAG_HEADER,
+    CHUNK_INFO,
     CONNECTION,
+    INDEX_DATA,
     MESSAGE,
     read_record,
 )
 from replay.readers.containers.block import Block
-from replay.readers.containers.block_store import BlockStore
+from replay.readers.containers.block_store import BlockStore, Describe
 from replay.readers.containers.resume import resume
 from replay.readers.containers.stretch import Stretches
 
-_KNOWN: Final = range(BAG_HEADER, CONNECTION + 1)
+#: By a field that it must have: a chunk whose op is damaged must not be passed over in silence.
+_KNOWN: Final = {
+    BAG_HEADER: b"index_pos",
+    INDEX_DATA: b"conn",
+    CHUNK_INFO: b"chunk_pos",
+    CONNECTION: b"conn",
+}
 
 
 @dataclass(slots=True)
@@ -26,7 +34,7 @@ class Walk:
     store: BlockStore
     #: where the last whole record ends
     whole: int
-    describe: Callable[[int, bytes], None]
+    describe: Describe
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
@@ -36,17 +44,18 @@ class Walk:
         while at < file.size:
             record = read_record(file, at)
             block = chunk_block(file, at, record)
+            end = at
             if block is not None:
                 yield block
                 if block.is_torn:
                     return
-            end = at
-            if record is not None and record.op == MESSAGE:
+                end = block.offset + block.stored_bytes
+            elif record is not None and record.op == MESSAGE:
                 end = stretches.add(at, record.end - at)
-            elif record is not None and record.op in _KNOWN and record.end <= file.size:
-                end = record.end
+            elif record is not None and _KNOWN.get(record.op) in record.fields:
+                end = record.end if record.end <= file.size else at
                 if record.op == CONNECTION:
-                    self.describe(CONNECTION, file.read(at, end - at))
+                    self.describe(CONNECTION, file.read(at, end - at), at)
             if end == at:
                 found = resume(file, at, self.store.grammar.find)
                 if found is None:

@@ -31,7 +31,7 @@ class Block:
     stored_bytes: int
     #: `zstd`, `lz4`, `bz2`, or empty
     compression: str
-    #: as declared; what is unpacked may not differ
+    #: as declared; what is unpacked may not differ. Of no meaning where nothing is compressed
     unpacked_bytes: int
     #: of the unpacked bytes; 0 says that none was written
     crc: int = 0
@@ -46,9 +46,11 @@ class Block:
     @property
     def room(self) -> int:
         """Bytes that it may take unpacked."""
+        if not self.compression:
+            return self.stored_bytes
         if not self.is_torn:
             return self.unpacked_bytes
-        most = _TORN_RATIO * self.stored_bytes + 2**20 if self.compression else self.stored_bytes
+        most = _TORN_RATIO * self.stored_bytes + 2**20
         return min(self.unpacked_bytes or most, most, LARGEST_BYTES)
 
 
@@ -61,7 +63,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     """
     if block.room > LARGEST_BYTES:
         raise DamagedBlockError(
-            f"it declares {block.unpacked_bytes:,} bytes, more than the {LARGEST_BYTES:,} believed"
+            f"it declares {block.room:,} bytes, more than the {LARGEST_BYTES:,} believed"
         )
     if not block.compression:
         done = file.read_into(block.offset, target)
@@ -71,7 +73,7 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
         done = _decompress(block, file.read(block.offset, block.stored_bytes), target)
     if block.is_torn:
         return done
-    if done != block.unpacked_bytes:
+    if done != block.room:
         raise DamagedBlockError(f"{done:,} of the {block.unpacked_bytes:,} bytes it declares")
     if block.crc and zlib.crc32(target.data) != block.crc:
         raise DamagedBlockError("its CRC is wrong")

@@ -45,8 +45,8 @@ class BlockFile(ABC):
         """How its records are found in bytes."""
 
     @abstractmethod
-    def _describe(self, op: int, content: bytes) -> None:
-        """Take a record that is no message."""
+    def _describe(self, op: int, content: bytes, at: int) -> None:
+        """Take a record that is no message; see `block_store.Describe`."""
 
     def _new_store(self) -> BlockStore:
         return BlockStore(self._file, self._grammar, self._describe)

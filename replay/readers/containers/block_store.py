@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 from replay.decoding.batch import RawBatch
 from replay.readers.container import no_times
 from replay.readers.containers.block import Block
-from replay.readers.containers.by_connection import by_connection
+from replay.readers.containers.by_connection import by_connection, count_by_connection
 from replay.readers.containers.damage import Damage
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.read_ahead import read_slabs
 from replay.readers.containers.records import KEY, TIME, Grammar, Slab
 
 _INT64_MAX: Final = 2**63 - 1
+
+#: (opcode, bytes, offset): of what records say of the same thing, what stands first counts. They
+#: come in another order, and what an index repeats may be damaged.
+Describe = Callable[[int, bytes, int], None]
 
 
 class BlockStore:
@@ -27,14 +31,14 @@ class BlockStore:
         self,
         file: FileBytes,
         load_grammar: Callable[[], Grammar],
-        describe: Callable[[int, bytes], None],
+        describe: Describe,
     ) -> None:
         """Begin without blocks.
 
         Args:
             file: that holds them.
             load_grammar: of its records; compiled code, which an index makes unnecessary.
-            describe: is told of each record that is no message: its opcode and its bytes.
+            describe: is told of each record that is no message.
         """
         self.file = file
         self.damage = Damage(file.path.name)
@@ -45,6 +49,7 @@ class BlockStore:
         self._late: dict[int, int] = {}
         #: the CRCs that agree, by where their blocks begin
         self._sealed: set[int] = set()
+        self._topics: Mapping[int, str] = {}
 
     @cached_property
     def grammar(self) -> Grammar:
@@ -104,7 +109,8 @@ class BlockStore:
     def add_rows(self, block: Block, data: NDArray[np.uint8], rows: NDArray[np.int64]) -> None:
         """Add a block with the rows that scanning it gave."""
         for key, _, offset, length in rows[:, rows[KEY] < 0].T.tolist():
-            self._describe(-1 - key, data[offset : offset + length].tobytes())
+            content = data[offset : offset + length].tobytes()
+            self._describe(-1 - key, content, block.record_offset)
         self.add(block, {key: rows[TIME, at] for key, at in by_connection(rows[KEY])})
 
     def finish(self, topics: Mapping[int, str]) -> None:
@@ -113,6 +119,7 @@ class BlockStore:
         Args:
             topics: of each connection that is described.
         """
+        self._topics = topics
         self._blocks.sort(key=lambda block: block.record_offset)
         for key, parts in self._times.items():
             if key not in topics:
@@ -156,13 +163,25 @@ class BlockStore:
         for block, first, last, unread in slab.parts:
             self._judge_unread(block, unread)
             self._seal(block)
-            held = int(np.count_nonzero(slab.rows[KEY, first:last] >= 0))
-            said = sum(block.counts.values())
-            if held != said:
-                self.damage.note(
-                    f"the chunk at byte {block.record_offset} holds {held:,} whole messages where "
-                    f"its index counts {said:,}"
-                )
+            held = count_by_connection(slab.rows[KEY, first:last])
+            self._judge_times(block, slab.rows[:, first:last])
+            for key in sorted(held.keys() | block.counts.keys()):
+                found, said = held.get(key, 0), block.counts.get(key, 0)
+                if found != said:
+                    self.damage.note(
+                        f"the chunk at byte {block.record_offset} holds {found:,} whole messages "
+                        f"where its index counts {said:,}",
+                        self._topics.get(key, ""),
+                    )
+
+    def _judge_times(self, block: Block, rows: NDArray[np.int64]) -> None:
+        """Between two times, a block is read only if what is said of it lies between them too."""
+        times = rows[TIME, (rows[KEY] >= 0) & (rows[TIME] >= 0)]
+        if times.size and (times.min() < block.first_ns or times.max() > block.last_ns):
+            self.damage.note(
+                f"the chunk at byte {block.record_offset} holds messages of times that its index "
+                "does not tell of"
+            )
 
     def _seal(self, block: Block) -> None:
         if block.crc and not block.is_torn:
@@ -171,7 +190,7 @@ class BlockStore:
     def _judge_unread(self, block: Block, unread: int) -> None:
         if unread and not block.is_torn:
             self.damage.note(
-                f"{unread:,} of {block.unpacked_bytes:,} bytes in the chunk at byte "
+                f"{unread:,} of {block.room:,} bytes in the chunk at byte "
                 f"{block.record_offset} are no whole records and not read"
             )
 

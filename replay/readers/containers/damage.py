@@ -89,17 +89,17 @@ class Damage:
 
 def _held(blocks: list[Block], topics: Mapping[int, str]) -> str:
     """What damaged blocks held, as far as an index tells."""
-    timed = [block for block in blocks if block.last_ns >= block.first_ns]
-    if not timed:
-        return "nothing tells how many messages it held"
-    first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
-    span = f"from log time {first} ns, {(last - first) / 1e9:.3f} s"
     counts: dict[str, int] = {}
-    for block in timed:
+    for block in blocks:
         for key, count in block.counts.items():
             topic = topics.get(key, f"connection {key}")
             counts[topic] = counts.get(topic, 0) + count
-    if not counts:
-        return f"it held messages {span}; nothing tells how many"
     listed = ", ".join(f"{count:,} of {topic}" for topic, count in sorted(counts.items()))
-    return f"lost {span}: {listed}"
+    timed = [block for block in blocks if block.last_ns >= block.first_ns]
+    if not timed:
+        return f"lost: {listed}" if listed else "nothing tells how many messages it held"
+    first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
+    span = f"from log time {first} ns, {(last - first) / 1e9:.3f} s"
+    return (
+        f"lost {span}: {listed}" if listed else f"it held messages {span}; nothing tells how many"
+    )

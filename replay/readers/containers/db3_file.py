@@ -4,6 +4,7 @@ import sqlite3
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from replay.readers.containers.sqlite_pages import MAGIC
 from replay.readers.containers.sqlite_rows import FAULTS
 from replay.readers.containers.sqlite_table import MessageTable
 
+_HEAD_BYTES: Final = 100
+
 
 class Db3File:
     """A `.db3` file. Before ROS 2 Iron it carries no message definitions."""
@@ -31,8 +34,11 @@ class Db3File:
         with ExitStack() as opened:
             file = FileBytes(path)
             opened.callback(file.close)
-            if file.read(0, len(MAGIC)) != MAGIC:
+            head = file.read(0, _HEAD_BYTES)
+            if not head.startswith(MAGIC):
                 raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
+            if tear := _tear(head, file.size):
+                self._damage.note(tear)
             self._database = _connect(path)
             opened.callback(self._database.close)
             try:
@@ -57,16 +63,23 @@ class Db3File:
                 name: (text, encoding)
                 for name, text, encoding in self._database.execute(
                     "SELECT topic_type, encoded_message_definition, encoding"
-                    " FROM message_definitions"
+                    " FROM message_definitions WHERE typeof(encoded_message_definition) = 'text'"
+                    " AND typeof(encoding) = 'text'"
                 )
             }
         topics = self._database.execute(
-            "SELECT id, name, type, serialization_format FROM topics WHERE typeof(id) = 'integer'"
-            " AND typeof(name || type || serialization_format) = 'text' ORDER BY id"
-        )
+            "SELECT id, name, type, serialization_format,"
+            " typeof(id) = 'integer' AND typeof(name) = 'text' AND typeof(type) = 'text'"
+            " AND typeof(serialization_format) = 'text' FROM topics ORDER BY id"
+        ).fetchall()
+        whole = [row for *row, is_topic in topics if is_topic]
+        if len(whole) < len(topics):
+            self._damage.note(f"{len(topics) - len(whole):,} of its topics are damaged")
+        if not whole and self._database.execute("SELECT 1 FROM messages LIMIT 1").fetchone():
+            self._damage.note("it holds messages and no topic that they are of")
         return tuple(
             Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
-            for key, topic, kind, encoding in topics
+            for key, topic, kind, encoding in whole
         )
 
     @property
@@ -82,6 +95,9 @@ class Db3File:
                 for key, at in by_connection(found.rows[KEY]):
                     parts.setdefault(key, []).append(found.rows[TIME, at])
             self._times = {key: self._since_1970(key, np.concatenate(parts[key])) for key in parts}
+            for key in self._times.keys() - {c.id for c in self.connections}:
+                count = self._times[key].size
+                self._damage.note(f"{count:,} messages of topic {key}, which nothing describes")
         return self._times.get(connection_id, no_times())
 
     def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -120,6 +136,18 @@ class Db3File:
         self._opened.close()
 
 
+def _tear(head: bytes, size: int) -> str | None:
+    """What the first page of a database says of the end of its file, where that is torn."""
+    page = int.from_bytes(head[16:18], "big")
+    page = 2**16 if page == 1 else page
+    # the number of pages counts if what changed it last also changed the version behind it
+    pages = int.from_bytes(head[28:32], "big") if head[24:28] == head[92:96] else 0
+    if not page or not (size % page or pages * page > size):
+        return None
+    unsure = ", and its last page is torn: what stood there may be altered" if size % page else ""
+    return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"
+
+
 def _connect(path: Path) -> sqlite3.Connection:
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
     journal = path.with_name(f"{path.name}-wal")
@@ -129,6 +157,8 @@ def _connect(path: Path) -> sqlite3.Connection:
         database = sqlite3.connect(
             f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
         )
+        # without it, SQLite refuses a file whose end is torn off; the mode keeps it from writing
+        database.execute("PRAGMA writable_schema = ON")
     except sqlite3.Error as error:
         raise LogError(f"{path}: cannot be opened: {error}") from error
     database.text_factory = _decode

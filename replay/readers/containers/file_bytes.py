@@ -1,10 +1,14 @@
 """A file's bytes by position, for several threads at once."""
 
+import zlib
 from pathlib import Path
 from threading import Lock
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+_STEP: Final = 2**20
 
 
 class FileBytes:
@@ -38,6 +42,13 @@ class FileBytes:
                     break
                 done += count
         return done
+
+    def crc32(self, end: int) -> int:
+        """The CRC-32 of everything before an offset."""
+        crc = 0
+        for at in range(0, end, _STEP):
+            crc = zlib.crc32(self.read(at, min(_STEP, end - at)), crc)
+        return crc
 
     def close(self) -> None:
         """Release the file."""

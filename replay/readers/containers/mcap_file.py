@@ -1,6 +1,5 @@
 """The container of an MCAP file: by its index where that is whole, else from start to end."""
 
-import zlib
 from io import BytesIO
 
 from mcap.data_stream import ReadDataStream
@@ -20,7 +19,6 @@ from replay.readers.containers.mcap_index import (
 )
 from replay.readers.containers.mcap_records import CHANNEL, MAGIC, RECORD_HEAD
 from replay.readers.containers.mcap_walk import Walk
-from replay.readers.containers.read_ahead import SLAB_BYTES
 from replay.readers.containers.records import Grammar
 
 
@@ -39,17 +37,23 @@ class McapFile(BlockFile):
             )
         summary = Summary(self._file)
         self._channels, self._schemas = dict(summary.channels), dict(summary.schemas)
+        self._channels_at = dict.fromkeys(self._channels, -1)
+        self._schemas_at = dict.fromkeys(self._schemas, -1)
         self._is_sealed = summary.is_sealed
         self._take_index(summary)
         said = summary.message_count
         indexed = self._store.message_count
         is_enough = indexed == said or (said is None and indexed)
+        walk = None
         if not is_enough and not self._store.damage:
             self._store = self._new_store()
-            self._walk(summary.fault)
+            walk = self._walk()
+            said = walk.message_count if said is None else said
         found = self._store.message_count
         if said not in (None, found) and not self._store.damage:
             self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
+        if walk is not None:
+            self._judge_end(walk, summary.fault)
         return tuple(
             _connection(channel, self._schemas.get(channel.schema_id))
             for channel in self._channels.values()
@@ -63,7 +67,7 @@ class McapFile(BlockFile):
 
     def check(self) -> int:
         """Go through the file from start to end, and compare the CRCs of its data and summary."""
-        walk = Walk(self._second_store())
+        walk = Walk(self._second_store(), self._describe)
         self._compare(walk.chunks(), walk.store)
         if not (walk.data_end and walk.has_footer) and not self._store.damage:
             self._store.damage.note("its records do not lead from its data to its footer")
@@ -74,12 +78,13 @@ class McapFile(BlockFile):
         said = int.from_bytes(self._file.read(end + RECORD_HEAD.size, 4), "little") if end else 0
         if not said:  # 0 says that the writer computed none
             return False
-        crc = 0
-        for at in range(0, end, SLAB_BYTES):
-            crc = zlib.crc32(self._file.read(at, min(SLAB_BYTES, end - at)), crc)
-        if crc != said:
-            self._store.damage.note("the CRC of its data as a whole is wrong")
-        return crc == said
+        agrees = self._file.crc32(end) == said
+        if not agrees:
+            self._store.damage.note(
+                f"the CRC of its data is wrong: some of their {end:,} bytes are not as they were "
+                "recorded, and nothing tells which"
+            )
+        return agrees
 
     def _take_index(self, summary: Summary) -> None:
         described = all(c.schema_id in {0, *summary.schemas} for c in summary.channels.values())
@@ -88,7 +93,8 @@ class McapFile(BlockFile):
         for offset in sorted(chunks):
             block = chunk_block(self._file, offset)
             times = indexed_times(self._file, chunks[offset])
-            if block is None:
+            # the index stands behind all chunks, so that the end of the file tears none of them
+            if block is None or block.is_torn:
                 lost = damaged_block(chunks[offset])
                 self._store.lose(lost, times or {}, "it is not where the index says")
             elif times is None or not described or not self._channels.keys() >= times.keys():
@@ -98,10 +104,17 @@ class McapFile(BlockFile):
         if unknown:
             self._store.survey(unknown)
 
-    def _walk(self, fault: str) -> None:
-        """Go through the file, from start to end; `fault` says why its index is of no use."""
-        walk = Walk(self._store)
+    def _walk(self) -> Walk:
+        """Go through the file, from start to end."""
+        walk = Walk(self._store, self._describe)
         self._store.survey(walk.chunks())
+        if not self._store.damage:
+            # messages outside chunks have no CRC but that of all data together
+            self._is_data_sealed(walk.data_end)
+        return walk
+
+    def _judge_end(self, walk: Walk, fault: str) -> None:
+        """Say what is missing behind its data; `fault` is why its index is of no use."""
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             if fault:
                 self._store.damage.note(
@@ -116,16 +129,18 @@ class McapFile(BlockFile):
             f"is read{until}; {size - walk.whole:,} bytes are lost or of a torn record"
         )
 
-    def _describe(self, op: int, content: bytes) -> None:
-        """Keep a channel or a schema, the first of each number."""
+    def _describe(self, op: int, content: bytes, at: int) -> None:
+        """Keep a channel or a schema, the first of each number; the summary's counts as first."""
         stream = ReadDataStream(BytesIO(content))
         try:
             if op == CHANNEL:
                 channel = Channel.read(stream)
-                self._channels.setdefault(channel.id, channel)
+                if at < self._channels_at.get(channel.id, self._file.size):
+                    self._channels[channel.id], self._channels_at[channel.id] = channel, at
             else:
                 schema = Schema.read(stream)
-                self._schemas.setdefault(schema.id, schema)
+                if at < self._schemas_at.get(schema.id, self._file.size):
+                    self._schemas[schema.id], self._schemas_at[schema.id] = schema, at
         except (McapError, *BROKEN_BYTES) as error:
             kind = "channel" if op == CHANNEL else "schema"
             self._store.damage.note(f"the record of a {kind} is damaged: {error}")
@@ -135,13 +150,14 @@ def _connection(channel: Channel, schema: Schema | None) -> Connection:
     if schema is None:
         return Connection(channel.id, channel.topic, "", channel.message_encoding, "", "")
     name = schema.name
+    # bytes that are no text come back by the same error handler
+    errors = "surrogateescape" if schema.encoding == "protobuf" else "replace"
     return Connection(
         channel.id,
         channel.topic,
         # ROS 1 leaves out the /msg/ that ROS 2 has; a service's event has /srv/ in its place
         normalize_msgtype(name) if schema.encoding == "ros1msg" else name,
         channel.message_encoding,
-        # definitions that are no text (protobuf's) come back by the same error handler
-        schema.data.decode(errors="surrogateescape"),
+        schema.data.decode(errors=errors),
         schema.encoding,
     )

@@ -11,7 +11,6 @@ from replay.readers.containers.mcap_records import (
     CHANNEL,
     CHUNK,
     DATA_END,
-    FOOTER,
     MESSAGE,
     RECORD_HEAD,
     SCHEMA,
@@ -35,8 +34,7 @@ def _scan(
 ) -> tuple[int, int]:
     """Rows of messages, schemas and channels; see `records.Scan`.
 
-    It stops at a record that is not whole, and at one that only stands outside chunks: a chunk,
-    the end of the data, the footer.
+    It stops at a record that is not whole, and at one that only stands outside chunks.
     """
     found = 0
     at = begin
@@ -44,9 +42,9 @@ def _scan(
     while at + _HEAD <= end:
         opcode = np.int64(data[at])
         length = little_endian(data, at + 1, 8)
-        if length < 0 or length > end - at - _HEAD or opcode == 0:
+        if length < 0 or length > end - at - _HEAD:
             break
-        if opcode in (CHUNK, DATA_END, FOOTER):
+        if opcode < SCHEMA or MESSAGE < opcode <= _LAST_OPCODE:
             break
         body = at + _HEAD
         if opcode == MESSAGE:
@@ -105,8 +103,8 @@ def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
                 proof = 0
                 break
             proof += more
-        # a chain may end with the bytes at hand
-        if proof > 1 or (proof == 1 and at == limit):
+        # a chain may end with the bytes at hand; a single record that does is worth little else
+        if proof > 1 or (proof == 1 and at == limit and data[first] == MESSAGE):
             return first
     return -1
 

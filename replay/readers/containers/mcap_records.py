@@ -12,4 +12,8 @@ CHANNEL: Final = 0x04
 MESSAGE: Final = 0x05
 CHUNK: Final = 0x06
 MESSAGE_INDEX: Final = 0x07
+STATISTICS: Final = 0x0B
 DATA_END: Final = 0x0F
+
+FOOTER_BYTES: Final = 8 + 8 + 4
+DATA_END_BYTES: Final = 4

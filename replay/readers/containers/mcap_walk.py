@@ -5,22 +5,27 @@ from dataclasses import dataclass
 from typing import Final
 
 from replay.readers.containers.block import Block
-from replay.readers.containers.block_store import BlockStore
+from replay.readers.containers.block_store import BlockStore, Describe
 from replay.readers.containers.mcap_index import chunk_block
 from replay.readers.containers.mcap_records import (
     CHANNEL,
     CHUNK,
     DATA_END,
+    DATA_END_BYTES,
     FOOTER,
+    FOOTER_BYTES,
     MAGIC,
     MESSAGE,
     RECORD_HEAD,
     SCHEMA,
+    STATISTICS,
 )
 from replay.readers.containers.resume import resume
 from replay.readers.containers.stretch import Stretches
 
 _HEAD: Final = RECORD_HEAD.size
+#: A chunk whose opcode is damaged must not end the file.
+_LENGTHS: Final = {FOOTER: FOOTER_BYTES, DATA_END: DATA_END_BYTES}
 
 
 @dataclass(slots=True)
@@ -28,12 +33,15 @@ class Walk:
     """Adds what stands outside chunks to a store, and yields the chunks."""
 
     store: BlockStore
+    describe: Describe
     #: where the last whole record ends
     whole: int = len(MAGIC)
     data_ended: bool = False
     has_footer: bool = False
     #: where the record begins that ends the data; 0 where there is none
     data_end: int = 0
+    #: as the statistics say
+    message_count: int | None = None
 
     def chunks(self) -> Iterator[Block]:
         """Every chunk, the one that the end of the file tears among them."""
@@ -47,10 +55,9 @@ class Walk:
             if block is not None:
                 yield block
                 self.data_ended = False
-            elif opcode in (SCHEMA, CHANNEL, MESSAGE):
+            elif opcode in (SCHEMA, CHANNEL, MESSAGE) and not self.data_ended:
                 end = stretches.add(at, _HEAD + length)
-                self.data_ended = self.data_ended and opcode != MESSAGE
-            elif opcode in (0, CHUNK):
+            elif opcode in (0, CHUNK) or length != _LENGTHS.get(opcode, length):
                 end = at
             if end > file.size and (block is not None or self.data_ended):
                 break
@@ -63,4 +70,8 @@ class Walk:
                 self.data_ended = True
                 self.data_end = at if opcode == DATA_END else self.data_end
                 self.has_footer = opcode == FOOTER
+            elif opcode in (SCHEMA, CHANNEL) and self.data_ended:
+                self.describe(opcode, file.read(at + _HEAD, length), at)
+            elif opcode == STATISTICS:
+                self.message_count = int.from_bytes(file.read(at + _HEAD, 8), "little")
             self.whole = at = end

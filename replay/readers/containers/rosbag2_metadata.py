@@ -61,12 +61,12 @@ def read_metadata(folder: Path) -> Metadata:
 
 def _parse(information: dict[str, Any], folder: Path) -> Metadata:
     messages = information.get("message_count")
-    mode = str(information.get("compression_mode") or "none").lower()
-    fmt = information.get("compression_format") or "zstd"
+    mode = _text(information.get("compression_mode") or "none").lower()
+    fmt = _text(information.get("compression_format") or "zstd")
     if mode != "none" and fmt != "zstd":
         raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
     return Metadata(
-        tuple(_inside(str(name), folder) for name in information["relative_file_paths"]),
+        tuple(_inside(_text(name), folder) for name in information["relative_file_paths"]),
         mode == "message",
         tuple(_announced(entry) for entry in information["topics_with_message_count"]),
         None if messages is None else int(messages),
@@ -76,11 +76,19 @@ def _parse(information: dict[str, Any], folder: Path) -> Metadata:
 def _announced(entry: dict[str, Any]) -> AnnouncedTopic:
     topic = entry["topic_metadata"]
     return AnnouncedTopic(
-        str(topic["name"]),
-        str(topic["type"]),
-        str(topic["serialization_format"]),
+        _text(topic["name"]),
+        _text(topic["type"]),
+        _text(topic["serialization_format"]),
         int(entry["message_count"]),
     )
+
+
+def _text(value: Any) -> str:
+    """A value that is text: YAML also knows lists of lists of lists, and half characters."""
+    if not isinstance(value, str):
+        raise TypeError(f"{type(value).__name__} in the place of a text")
+    value.encode()
+    return value
 
 
 def _inside(name: str, folder: Path) -> str:

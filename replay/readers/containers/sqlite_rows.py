@@ -73,6 +73,10 @@ def read_rows(
         except FAULTS as error:
             fault = error
         if rows and not _increases(after, rows):
+            whole = list(_increasing(after, rows))
+            if whole:
+                yield whole
+                after = whole[-1][0]
             note(f"the database is damaged behind row {after}: its rows go in circles")
             return
         if rows:
@@ -113,6 +117,15 @@ def _increases(after: int, rows: list[Row]) -> bool:
     A damaged tree may lead to the same page again and again.
     """
     return rows[0][0] > after and rows[-1][0] - rows[0][0] >= len(rows) - 1
+
+
+def _increasing(after: int, rows: list[Row]) -> Iterator[Row]:
+    """Rows up to one whose id is not behind the one before."""
+    for row in rows:
+        if row[0] <= after:
+            return
+        after = row[0]
+        yield row
 
 
 def _behind_damage(database: sqlite3.Connection, query: str, after: int) -> int | None:

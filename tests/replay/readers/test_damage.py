@@ -36,6 +36,13 @@ def times(messages: list) -> list[int]:
     return sorted(time for _, time, _ in messages)
 
 
+def read(path: Path) -> list:
+    container = McapFile(path)
+    found = stored(container)
+    container.close()
+    return found
+
+
 @pytest.mark.parametrize("chunked", [False, True])
 def test_an_uncompressed_mcap_torn_anywhere_keeps_every_message_before_the_tear(
     tmp_path: Path, chunked: bool
@@ -124,6 +131,21 @@ def test_a_bag_without_an_index_is_found_again_behind_damage(tmp_path: Path) -> 
     container.close()
 
 
+def test_a_message_that_damage_gave_to_another_topic_is_missed_there(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    data = path.read_bytes()
+    time = data.index(struct.pack("<II", 0, 1050))  # of a message of /joints0
+    overwrite(path, data.rindex(b"conn=", 0, time) + len(b"conn="), b"\x01")
+    with open_log(path) as log:
+        assert {t: log.read(t, []).height for t in ("/joints0", "/joints1")} == {
+            "/joints0": 99,
+            "/joints1": 101,
+        }
+        assert {loss.topic for loss in log.losses()} == {"/joints0", "/joints1"}
+        assert all("where its index counts" in loss.what for loss in log.losses())
+
+
 def test_damage_in_a_chunk_without_a_crc_costs_the_messages_that_it_hit(tmp_path: Path) -> None:
     path = tmp_path / "shift.bag"
     write_bag(path, DRIVE, None, 3000)
@@ -135,6 +157,22 @@ def test_damage_in_a_chunk_without_a_crc_costs_the_messages_that_it_hit(tmp_path
     whats = [loss.what for loss in container.losses]
     assert any("are no whole records" in what for what in whats)
     assert any("where its index counts" in what for what in whats)
+    container.close()
+
+
+@pytest.mark.parametrize("chunked", [False, True])
+@pytest.mark.parametrize("first_opcode", [0x03, 0x05])
+def test_a_damaged_summary_does_not_rename_the_topics_of_the_data(
+    tmp_path: Path, chunked: bool, first_opcode: int
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, use_chunking=chunked)
+    whole = read(path)
+    data = path.read_bytes()
+    overwrite(path, data.rindex(b"/joints1"), b"/jointsX")
+    overwrite(path, int.from_bytes(data[-28:-20], "little"), bytes([first_opcode]))
+    container = McapFile(path)
+    assert stored(container) == whole
     container.close()
 
 
@@ -153,6 +191,39 @@ def test_a_chunk_that_lies_about_its_size_is_refused_and_costs_no_memory(
     container.close()
 
 
+@pytest.mark.parametrize("compression", [None, *Writer1.CompressionFormat], ids=str)
+def test_a_chunk_before_the_index_that_reaches_out_of_the_bag_is_lost_and_said(
+    tmp_path: Path, compression: Any
+) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, compression, 3000)
+    container = BagFile(path)
+    block = container._store._blocks[2]
+    topics = {c.id: c.topic for c in container.connections}
+    container.close()
+    overwrite(path, block.offset - 4, b"\xff" * 4)
+    container = BagFile(path)
+    lost = range(block.first_ns, block.last_ns + 1)
+    assert set(times(stored(container))) == {1000 + k for k in range(200)} - set(lost)
+    (loss,) = container.losses
+    for key, count in block.counts.items():
+        assert f"{count} of {topics[key]}" in loss.what
+    container.close()
+
+
+def test_a_wrong_crc_of_messages_outside_chunks_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, use_chunking=False, enable_data_crcs=True)
+    whole = McapFile(path)
+    assert whole.losses == ()
+    whole.close()
+    overwrite(path, path.read_bytes().index(struct.pack("<d", 50.0)), struct.pack("<d", 51.0))
+    container = McapFile(path)
+    assert len(stored(container)) == len(DRIVE)
+    assert ["the CRC of its data is wrong" in loss.what for loss in container.losses] == [True]
+    container.close()
+
+
 def test_a_chunk_that_unpacks_to_more_than_it_declares_is_stopped_there(tmp_path: Path) -> None:
     path = tmp_path / "bomb.mcap"
     write_mcap(path, DRIVE, chunk_size=3000)
@@ -168,6 +239,106 @@ def test_a_chunk_that_unpacks_to_more_than_it_declares_is_stopped_there(tmp_path
     tracemalloc.stop()
     assert any("more than the 1,000 bytes it declares" in loss.what for loss in container.losses)
     container.close()
+
+
+@pytest.mark.parametrize("opcode", [0x01, 0x02, 0x0F])
+def test_a_chunk_that_damage_made_an_end_of_the_file_does_not_end_it(
+    tmp_path: Path, opcode: int
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    damaged = chunks(path)[2]
+    without_footer(path)
+    overwrite(path, damaged.chunk_start_offset, bytes([opcode]))
+    container = McapFile(path)
+    lost = range(damaged.message_start_time, damaged.message_end_time + 1)
+    assert set(times(stored(container))) == {1000 + k for k in range(200)} - set(lost)
+    container.close()
+
+
+def test_a_chunk_that_vanished_with_the_index_is_missed_by_the_statistics(tmp_path: Path) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000, enable_crcs=False)
+    second, third = chunks(path)[1:3]
+    data = path.read_bytes()
+    path.write_bytes(data[: second.chunk_start_offset] + data[third.chunk_start_offset :])
+    container = McapFile(path)
+    lost = second.message_end_time - second.message_start_time + 1
+    assert len(stored(container)) == 200 - lost
+    missed, torn = container.losses
+    container.close()
+    assert missed.what == f"its statistics count 200 messages, {200 - lost} are there"
+    assert torn.what.startswith("its summary cannot be read")
+
+
+@pytest.mark.parametrize("byte", [0, 3, 4, 6, 255])
+def test_a_message_of_a_crashed_bag_whose_op_is_damaged_is_missed(
+    tmp_path: Path, byte: int
+) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    without_bag_index(path)
+    data = path.read_bytes()
+    time = data.index(struct.pack("<II", 0, 1050))
+    overwrite(path, data.rindex(b"op=", 0, time) + 3, bytes([byte]))
+    container = BagFile(path)
+    assert times(stored(container)) == [1000 + k for k in range(200) if k != 50]
+    assert any("are no whole records" in loss.what for loss in container.losses)
+    container.close()
+
+
+@pytest.mark.parametrize("byte", [1, 4, 6, 7])
+def test_a_chunk_of_a_crashed_bag_whose_op_is_damaged_is_missed(tmp_path: Path, byte: int) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, Writer1.CompressionFormat.LZ4, 3000)
+    container = BagFile(path)
+    block = container._store._blocks[2]
+    container.close()
+    without_bag_index(path)
+    overwrite(path, path.read_bytes().index(b"op=\x05", block.record_offset) + 3, bytes([byte]))
+    container = BagFile(path)
+    lost = range(block.first_ns, block.last_ns + 1)
+    assert set(times(stored(container))) == {1000 + k for k in range(200)} - set(lost)
+    assert any("bytes cannot be read, in 1 place" in loss.what for loss in container.losses)
+    container.close()
+
+
+def test_a_chunk_whose_compression_is_not_named_gives_no_message_twice(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    without_bag_index(path)
+    overwrite(path, path.read_bytes().index(b"compression="), b"K")
+    container = BagFile(path)
+    assert times(stored(container)) == [1000 + k for k in range(200)]
+    container.close()
+
+
+@pytest.mark.parametrize("change", [-300, 300])
+def test_a_chunk_whose_stored_size_is_damaged_gives_no_message_twice(
+    tmp_path: Path, change: int
+) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    container = BagFile(path)
+    block = container._store._blocks[2]
+    container.close()
+    without_bag_index(path)
+    overwrite(path, block.offset - 4, struct.pack("<I", block.stored_bytes + change))
+    container = BagFile(path)
+    found = times(stored(container))
+    assert found == sorted(set(found))
+    assert len(found) >= 198
+    assert len(container.losses) > 1
+    container.close()
+
+
+def test_a_message_of_a_time_that_the_index_does_not_tell_of_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, None, 3000)
+    overwrite(path, path.read_bytes().index(struct.pack("<II", 0, 1050)), struct.pack("<I", 7))
+    with open_log(path) as log:
+        assert log.read("/joints0", [])["log_time_ns"][-1] == 7_000_001_050
+        assert "of times that its index does not tell of" in log.losses()[0].what
 
 
 def test_many_damaged_chunks_are_told_in_one_sentence(tmp_path: Path) -> None:

@@ -24,6 +24,22 @@ def test_a_type_without_definition_is_taken_from_a_ros2_release(tmp_path: Path) 
     assert frame["effort[left]"].to_list() == [0.0, 1.0, 2.0]
 
 
+@pytest.mark.parametrize("column", ["encoding", "encoded_message_definition"])
+@pytest.mark.parametrize("value", ["NULL", "x'ff'"])
+def test_a_definition_that_is_no_text_is_taken_from_a_release_too(
+    tmp_path: Path, column: str, value: str
+) -> None:
+    write_db3(tmp_path / "shift.db3", DRIVE[:3])
+    with sqlite3.connect(tmp_path / "shift.db3") as database:
+        database.execute("CREATE TABLE loose AS SELECT * FROM message_definitions")
+        database.execute("DROP TABLE message_definitions")
+        database.execute("ALTER TABLE loose RENAME TO message_definitions")
+        database.execute(f"UPDATE message_definitions SET {column} = {value}")
+    database.close()
+    frame = open_log(tmp_path / "shift.db3").read("/joints", ["effort[left]"])
+    assert frame["effort[left]"].to_list() == [0.0, 1.0, 2.0]
+
+
 def test_a_type_that_no_release_knows_costs_its_topic(tmp_path: Path) -> None:
     write_db3(tmp_path / "old.db3", DRIVE[:3])
     with sqlite3.connect(tmp_path / "old.db3") as database:
@@ -57,15 +73,52 @@ def test_a_database_that_is_no_bag_is_refused(tmp_path: Path) -> None:
         open_log(tmp_path / "other.db3")
 
 
-@pytest.mark.parametrize("share", [0.01, 0.2, 0.5, 0.9])
-def test_a_torn_database_is_a_loss_or_one_line(tmp_path: Path, share: float) -> None:
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("beside", [0, 1000])
+def test_a_database_is_read_up_to_the_page_that_is_torn(
+    tmp_path: Path, share: float, beside: int
+) -> None:
     path = tmp_path / "torn.db3"
     write_db3(path, DRIVE)
     data = path.read_bytes()
-    path.write_bytes(data[: int(len(data) * share)])
-    with one_line_at_most(), open_log(path) as log:
-        log.read("/joints", [])
-        assert any("damaged" in loss.what for loss in log.losses())
+    cut = int(len(data) * share) // 4096 * 4096 + beside
+    path.write_bytes(data[:cut])
+    with open_log(path) as log:
+        times = log.read("/joints", [])["log_time_ns"].to_list()
+        assert times == sorted(set(times) & {j.log_time_ns for j in DRIVE})
+        assert (share - 0.1) * len(DRIVE) < len(times) < share * len(DRIVE)
+        whats = [loss.what for loss in log.losses()]
+    assert whats[0].startswith(f"breaks off after byte {cut:,} of {len(data):,}")
+    assert ("its last page is torn" in whats[0]) == bool(beside)
+
+
+def test_a_database_torn_before_its_tables_is_refused_in_one_line(tmp_path: Path) -> None:
+    write_db3(path := tmp_path / "torn.db3", DRIVE)
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(LogError, match=r"not readable as a rosbag2 database \(.*\)"):
+        open_log(path)
+
+
+def test_topics_that_damage_made_unreadable_are_said_and_so_are_their_messages(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "shift.db3"
+    write_db3(path, [*DRIVE[:5], Joints(9000, {"left": 1.0}, topic="/other")])
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE topics SET name = x'00' WHERE name = '/other'")
+    database.close()
+    with open_log(path) as log:
+        assert log.topics()["topic"].to_list() == ["/joints"]
+        assert [loss.what for loss in log.losses()] == [
+            "1 of its topics are damaged",
+            "1 messages of topic 2, which nothing describes",
+        ]
+    with sqlite3.connect(path) as database:
+        database.execute("DELETE FROM topics")
+    database.close()
+    with open_log(path) as log:
+        assert log.topics().is_empty()
+        assert "no topic that they are of" in log.losses()[0].what
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)

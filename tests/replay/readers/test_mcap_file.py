@@ -200,6 +200,27 @@ def test_a_topic_none_of_whose_messages_fits_is_an_error(mixed: Path) -> None:
         open_log(mixed).read("/torn", [])
 
 
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [("ros2msg", b"float64 \xff\n"), ("jsonschema", b"\xff"), ("ros2\nmsg\0" * 99, b"float64 x\n")],
+)
+def test_a_definition_that_is_no_text_costs_its_topic_in_one_line(
+    tmp_path: Path, kind: str, text: bytes
+) -> None:
+    path = tmp_path / "shift.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        schema = writer.register_schema("a/msg/A", kind, text)
+        writer.add_message(writer.register_channel("/a", "cdr", schema), 5, b"", 5)
+        writer.finish()
+    with open_log(path) as log:
+        problem = log.topics()["problem"][0]
+        assert problem.isprintable()
+        assert len(problem) < 400
+        assert problem in str(log.losses()[0])
+
+
 def test_large_unsigned_integers_keep_their_value(tmp_path: Path) -> None:
     path = tmp_path / "shift.mcap"
     with path.open("wb") as file:

@@ -55,8 +55,11 @@ def test_metadata_gives_the_order_and_the_topics_that_stayed_silent(split: Path)
     assert log.files[0].name == "metadata.yaml"
 
 
-def test_torn_metadata_is_a_loss_and_the_files_are_read(split: Path) -> None:
-    (split / "metadata.yaml").write_text("rosbag2_bagfile_information: [unclosed\n")
+@pytest.mark.parametrize(("old", "new"), [("- shift", "[unclosed"), ("/silent", '"\\uD800"')])
+def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str, new: str) -> None:
+    metadata(split, "shift_8.mcap", "shift_9.mcap", "shift_10.mcap")
+    yaml = split / "metadata.yaml"
+    yaml.write_text(yaml.read_text().replace(old, new))
     log = open_log(split)
     assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
     assert "files are taken by name" in log.losses()[0].what

@@ -74,13 +74,21 @@ def test_json_messages_become_columns_of_their_schema(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "broken", [b"{", b"[" * 100_000, b'{"gear": 99999999999999999999}', b'{"gear": "two"}', b"7"]
+    "broken",
+    [
+        b"{",
+        b"[" * 100_000,
+        b'{"gear": 99999999999999999999}',
+        b'{"gear": "two"}',
+        b'{"gear": 1, "name": ["\\ud800"]}',
+        b"7",
+    ],
 )
 def test_a_json_message_that_does_not_fit_costs_its_row(tmp_path: Path, broken: bytes) -> None:
     stored = [json.dumps(MESSAGES[0]).encode(), broken]
     path = write(tmp_path / "a.mcap", "json", "Drive", json.dumps(SCHEMA).encode(), stored)
     with open_log(path) as log:
-        frame = log.read("/drive", ["gear"])
+        frame = log.read("/drive", ["gear", "name[]"])
         assert frame["gear"].to_list() == [2]
         assert "1 of 2 messages cannot be decoded" in log.losses()[0].what
 
@@ -95,6 +103,7 @@ def test_a_json_message_that_does_not_fit_costs_its_row(tmp_path: Path, broken: 
         b"{",
         b'{"$ref": "#"}',
         b'{"$ref": "#/$ref"}',
+        b'{"properties": {"\\ud800": {"type": "number"}}}',
         b"\xff",
     ],
 )

@@ -7,6 +7,7 @@ import pytest
 
 from estimators.errors import LogError
 from replay import TimeAxis, open_log
+from tests.replay.readers.one_line import one_line_at_most
 
 SAMPLES = pl.DataFrame(
     {
@@ -181,3 +182,13 @@ def test_a_table_that_was_closed_says_so_as_every_log_does(table: Path) -> None:
         log.topics()
     with pytest.raises(LogError, match="the log was closed; open it again"):
         log.read("table", ["count"])
+
+
+def test_a_page_that_asks_for_more_than_all_memory_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "shift.parquet"
+    SAMPLES.write_parquet(path)
+    data = path.read_bytes()
+    for at in range(4, len(data) - 8, 3):
+        path.write_bytes(data[:at] + b"\xff" * 5 + data[at + 5 :])
+        with one_line_at_most(), open_log(path) as log:
+            log.read("table", SAMPLES.columns)
