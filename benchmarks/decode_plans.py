@@ -14,9 +14,7 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
+from decode_log import CUSTOM_TYPE, store, value
 
 from replay.decoding.batch import RawBatch, joined
 from replay.decoding.plan import Plan
@@ -25,23 +23,11 @@ from replay.readers.definitions import compile_type
 from replay.readers.fields import resolve
 from replay.readers.message_types import leaves
 
-#: What a loader's own topic looks like: numbers, a state, text, lists of both.
-CUSTOM: Final = """std_msgs/Header header
-string mode
-bool bucket_raised
-uint8 gear
-int32 engine_rpm
-float32[4] tyre_pressure
-float64 boom_angle
-float64[] cylinder_pressure
-string[] warnings
-builtin_interfaces/Time last_service
-"""
 TOPICS: Final = (
     "sensor_msgs/msg/Imu",
     "nav_msgs/msg/Odometry",
     "sensor_msgs/msg/JointState",
-    "loader_msgs/msg/State",
+    CUSTOM_TYPE,
     "sensor_msgs/msg/NavSatFix",
     "geometry_msgs/msg/TwistStamped",
 )
@@ -51,16 +37,15 @@ ROUNDS: Final = 5
 
 def main() -> None:
     rows = int(sys.argv[1]) if len(sys.argv) > 1 else 4096
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    store.register(get_types_from_msg(CUSTOM, "loader_msgs/msg/State"))
+    types = store(ros1=False)
     rng = np.random.default_rng(0)
     print(f"{'type':32}{'bytes':>6}{'fields':>7}{'rosbags ns':>12}{'plan ns':>9}{'ratio':>7}")
     totals = np.zeros(2)
     for name in TOPICS:
-        text, _ = store.generate_msgdef(name, ros_version=2)
+        text, _ = types.generate_msgdef(name, ros_version=2)
         kind = compile_type(Connection(0, "/t", name, "cdr", text, "ros2msg"))
         fields = [resolve(leaf, kind.record) for leaf in leaves(kind.record)]
-        stored = [bytes(store.serialize_cdr(_value(store, name, rng), name)) for _ in range(rows)]
+        stored = [bytes(types.serialize_cdr(value(types, name, rng), name)) for _ in range(rows)]
         batch = joined(0, range(len(stored)), stored)
         batches = [batch] * (MESSAGES // rows)
         plan = Plan(kind.record, ros1=False, fields=fields)
@@ -94,29 +79,6 @@ def _best(work: Callable[[], None]) -> float:
         work()
         seconds.append(time.perf_counter() - begin)
     return min(seconds)
-
-
-def _value(store: Typestore, name: str, rng: np.random.Generator) -> Any:
-    fields = {f: _field(store, what, rng) for f, what in store.fielddefs[name][1]}
-    return store.types[name](**fields)
-
-
-def _field(store: Typestore, description: Any, rng: np.random.Generator) -> Any:
-    node, detail = description
-    if node == Nodetype.NAME:
-        return _value(store, detail, rng)
-    if node == Nodetype.BASE:
-        return "base_link" if detail[0] == "string" else _numbers(detail[0], 1, rng)[0].item()
-    element, length = detail
-    count = length if node == Nodetype.ARRAY else 4
-    if element[0] == Nodetype.BASE and element[1][0] != "string":
-        return _numbers(element[1][0], count, rng)
-    return [_field(store, element, rng) for _ in range(count)]
-
-
-def _numbers(kind: str, count: int, rng: np.random.Generator) -> Any:
-    dtype = np.dtype(kind if kind not in ("byte", "char") else "uint8")
-    return rng.normal(size=count).astype(dtype) if dtype.kind == "f" else np.ones(count, dtype)
 
 
 if __name__ == "__main__":
