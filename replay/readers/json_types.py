@@ -97,6 +97,8 @@ def _get(message: Any, name: str) -> Any:
 
 
 def _stamp_ns(stamp: Any) -> int:
+    if not isinstance(stamp, dict):
+        raise TypeError(f"{type(stamp).__name__} in the place of a time")
     nanoseconds = stamp.get("nsec", stamp.get("nanosec", 0))
     return int64(int(stamp["sec"]) * 10**9 + int(nanoseconds))
 

@@ -89,13 +89,23 @@ class _Types:
             if is_bytes and field.is_repeated:
                 return None
             kind = ListOf(Scalar("uint8"), None) if is_bytes else Scalar(_KINDS[field.cpp_type])
-        elif inner.full_name in _STAMPS:
+        elif _is_stamp(inner):
             kind = Scalar("stamp")
         elif inner.full_name in above or inner.GetOptions().map_entry:
             return None
         else:
             kind = self.record(inner, above)
         return ListOf(kind, None) if field.is_repeated and not isinstance(kind, ListOf) else kind
+
+
+def _is_stamp(descriptor: Descriptor) -> bool:
+    """Whether it is a time or a duration by its name and by its fields, which a log describes."""
+    kinds = {field.name: field.cpp_type for field in descriptor.fields if not field.is_repeated}
+    return (
+        descriptor.full_name in _STAMPS
+        and kinds.get("seconds") == FieldDescriptor.CPPTYPE_INT64
+        and kinds.get("nanos") == FieldDescriptor.CPPTYPE_INT32
+    )
 
 
 def _get(message: Any, name: str) -> Any:

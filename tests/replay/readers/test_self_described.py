@@ -14,6 +14,7 @@ from mcap.writer import Writer
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.replay.readers.one_line import one_line_at_most
 
 SCHEMA = {
     "type": "object",
@@ -81,6 +82,8 @@ def test_json_messages_become_columns_of_their_schema(tmp_path: Path) -> None:
         b'{"gear": 99999999999999999999}',
         b'{"gear": "two"}',
         b'{"gear": 1, "name": ["\\ud800"]}',
+        b'{"gear": 1, "stamp": 5}',
+        b'{"gear": 1, "stamp": {"sec": [], "nsec": 5}}',
         b"7",
     ],
 )
@@ -88,7 +91,7 @@ def test_a_json_message_that_does_not_fit_costs_its_row(tmp_path: Path, broken: 
     stored = [json.dumps(MESSAGES[0]).encode(), broken]
     path = write(tmp_path / "a.mcap", "json", "Drive", json.dumps(SCHEMA).encode(), stored)
     with open_log(path) as log:
-        frame = log.read("/drive", ["gear", "name[]"])
+        frame = log.read("/drive", ["gear", "name[]", "stamp"])
         assert frame["gear"].to_list() == [2]
         assert "1 of 2 messages cannot be decoded" in log.losses()[0].what
 
@@ -186,3 +189,25 @@ def test_descriptors_of_no_use_cost_their_topic(tmp_path: Path, schema: bytes) -
     path = write(tmp_path / "a.mcap", "protobuf", "own.Drive", schema, [b""])
     with open_log(path) as log:
         assert "its protobuf descriptors cannot be used" in log.topics()["problem"][0]
+
+
+@pytest.mark.parametrize("change", ["renamed", "text", "repeated"])
+def test_a_timestamp_that_is_described_otherwise_is_a_message_like_others(
+    tmp_path: Path, change: str
+) -> None:
+    files = descriptors()
+    seconds = next(file for file in files.file if file.package == "google.protobuf")
+    field = seconds.message_type[0].field[0]
+    if change == "renamed":
+        field.name = "secants"
+    elif change == "text":
+        field.type = FieldDescriptorProto.TYPE_STRING
+    else:
+        field.label = FieldDescriptorProto.LABEL_REPEATED
+    schema = files.SerializeToString()
+    path = write(tmp_path / "a.mcap", "protobuf", "own.Drive", schema, protobuf_messages())
+    with one_line_at_most(), open_log(path) as log:
+        fields = log.topics()["fields"][0].to_list()
+        assert "stamp" not in fields
+        assert "stamp.nanos" in fields
+        log.read("/drive", fields)
