@@ -4,7 +4,6 @@ import sqlite3
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +16,9 @@ from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME
-from replay.readers.containers.sqlite_pages import MAGIC
+from replay.readers.containers.sqlite_pages import HEADER_BYTES, MAGIC
 from replay.readers.containers.sqlite_rows import FAULTS
 from replay.readers.containers.sqlite_table import MessageTable
-
-_HEAD_BYTES: Final = 100
 
 
 class Db3File:
@@ -34,7 +31,7 @@ class Db3File:
         with ExitStack() as opened:
             file = FileBytes(path)
             opened.callback(file.close)
-            head = file.read(0, _HEAD_BYTES)
+            head = file.read(0, HEADER_BYTES)
             if not head.startswith(MAGIC):
                 raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
             if tear := _tear(head, file.size):

@@ -15,7 +15,7 @@ from replay.readers.containers.file_bytes import FileBytes
 MAGIC: Final = b"SQLite format 3\x00"
 #: The first byte of a page that holds rows.
 LEAF: Final = 13
-_HEADER_BYTES: Final = 100
+HEADER_BYTES: Final = 100
 #: Shares of a page in 255ths that a cell may take; the format fixes them.
 _FRACTIONS: Final = bytes([64, 32, 32])
 #: 1 with a rollback journal, 2 with a write-ahead log
@@ -63,8 +63,8 @@ def page_layout(file: FileBytes, database: sqlite3.Connection) -> Layout | None:
     Raises:
         sqlite3.Error: SQLite cannot read its own tables.
     """
-    head = file.read(0, _HEADER_BYTES)
-    if len(head) < _HEADER_BYTES or _is_unfinished(file.path):
+    head = file.read(0, HEADER_BYTES)
+    if len(head) < HEADER_BYTES or _is_unfinished(file.path):
         return None
     stored = int.from_bytes(head[16:18], "big")
     page_bytes = 65_536 if stored == 1 else stored
