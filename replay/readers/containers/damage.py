@@ -41,6 +41,12 @@ class Damage:
         """Whether the block that begins there is not used."""
         return offset in self._blocks
 
+    @property
+    def lost_messages(self) -> int | None:
+        """How many messages the blocks held that are not used, None where one does not tell."""
+        counts = [sum(block.counts.values()) for block, _ in self._blocks.values()]
+        return sum(counts) if all(counts) else None
+
     def __bool__(self) -> bool:
         return bool(self._blocks or self._gaps or self._sentences)
 

@@ -42,10 +42,10 @@ class McapFile(BlockFile):
         self._is_sealed = summary.is_sealed
         self._take_index(summary)
         said = summary.message_count
-        indexed = self._store.message_count
-        is_enough = indexed == said or (said is None and indexed)
+        indexed, lost = self._store.message_count, self._store.damage.lost_messages
+        is_enough = indexed > 0 if said is None else lost is None or indexed + lost == said
         walk = None
-        if not is_enough and not self._store.damage:
+        if not is_enough:
             self._store = self._new_store()
             walk = self._walk()
             said = walk.message_count if said is None else said

@@ -341,6 +341,34 @@ def test_a_message_of_a_time_that_the_index_does_not_tell_of_is_said(tmp_path: P
         assert "of times that its index does not tell of" in log.losses()[0].what
 
 
+def test_a_message_of_a_time_that_cannot_be_is_said_where_the_index_tells_another(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, compression=CompressionType.NONE, enable_crcs=False)
+    overwrite(path, path.read_bytes().index(struct.pack("<QQ", 1050, 1050)), b"\xff" * 8)
+    with open_log(path) as log:
+        assert log.read("/joints0", []).height == 99
+        assert "of times that its index does not tell of" in log.losses()[0].what
+
+
+def test_an_index_that_hides_messages_is_not_used_where_a_chunk_is_lost_either(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "shift.mcap"
+    write_mcap(path, DRIVE, chunk_size=3000)
+    hidden, lost = chunks(path)[1:3]
+    overwrite(path, lost.chunk_start_offset, b"\xff" * 9)
+    overwrite(path, min(hidden.message_index_offsets.values()) + 9 + 2, bytes(4))
+    with open_log(path) as log:
+        found = [log.read(topic, [])["log_time_ns"] for topic in ("/joints0", "/joints1")]
+    assert sorted([*found[0], *found[1]]) == [
+        j.log_time_ns
+        for j in DRIVE
+        if not lost.message_start_time <= j.log_time_ns <= lost.message_end_time
+    ]
+
+
 def test_many_damaged_chunks_are_told_in_one_sentence(tmp_path: Path) -> None:
     path = tmp_path / "shift.mcap"
     write_mcap(path, DRIVE, chunk_size=300)
