@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from replay.decoding.batch import RawBatch
 from replay.readers.container import no_times
 from replay.readers.containers.block import Block
-from replay.readers.containers.by_connection import by_connection, count_by_connection
+from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.read_ahead import read_slabs
 from replay.readers.containers.records import KEY, TIME, Grammar, Slab
+
+if TYPE_CHECKING:
+    from replay.readers.containers.tallies import Tally
 
 _INT64_MAX: Final = 2**63 - 1
 
@@ -160,26 +163,40 @@ class BlockStore:
     def _judge(self, slab: Slab) -> None:
         for block, why in slab.damaged:
             self.damage.lose(block, why)
-        for block, first, last, unread in slab.parts:
+        # compiled code, which describing a log does not wait for
+        from replay.readers.containers.tallies import tallies
+
+        blocks = [block for block, *_ in slab.parts]
+        keys = sorted({*self._topics, *(key for block in blocks for key in block.counts)})
+        topics = [*(self._topics.get(key, "") for key in keys), ""]
+        found = tallies(slab, np.array(keys, np.int64))
+        for (block, _, _, unread), held in zip(slab.parts, found, strict=True):
             self._judge_unread(block, unread)
             self._seal(block)
-            held = count_by_connection(slab.rows[KEY, first:last])
-            self._judge_times(block, slab.rows[:, first:last])
-            for key in sorted(held.keys() | block.counts.keys()):
-                found, said = held.get(key, 0), block.counts.get(key, 0)
-                if found != said:
-                    self.damage.note(
-                        f"the chunk at byte {block.record_offset} holds {found:,} whole messages "
-                        f"where its index counts {said:,}",
-                        self._topics.get(key, ""),
-                    )
+            said = [*(block.counts.get(key, 0) for key in keys), 0]
+            if held.counts != said:
+                self._judge_counts(block, held.counts, said, topics)
+            self._judge_times(block, held)
 
-    def _judge_times(self, block: Block, rows: NDArray[np.int64]) -> None:
+    def _judge_counts(
+        self, block: Block, found: list[int], said: list[int], topics: list[str]
+    ) -> None:
+        for held, counted, topic in zip(found, said, topics, strict=True):
+            if held != counted:
+                self.damage.note(
+                    f"the chunk at byte {block.record_offset} holds {held:,} whole messages "
+                    f"where its index counts {counted:,}",
+                    topic,
+                )
+
+    def _judge_times(self, block: Block, held: "Tally") -> None:
         """Between two times, a block is read only if what is said of it lies between them too."""
-        times = rows[TIME, rows[KEY] >= 0]
-        if any(self._late.values()):  # some are known to be beyond the year 2262
-            times = times[times >= 0]
-        if times.size and (times.min() < block.first_ns or times.max() > block.last_ns):
+        # some may be known to be beyond the year 2262
+        unknown = held.late > 0 and not any(self._late.values())
+        in_time = held.first_ns <= held.last_ns
+        if unknown or (
+            in_time and (held.first_ns < block.first_ns or held.last_ns > block.last_ns)
+        ):
             self.damage.note(
                 f"the chunk at byte {block.record_offset} holds messages of times that its index "
                 "does not tell of"
