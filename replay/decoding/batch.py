@@ -1,7 +1,7 @@
 """Raw messages of one connection, many at once: the bytes that hold them, and where each lies."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from typing import Final
 
 import numpy as np
@@ -28,8 +28,12 @@ class RawBatch:
     lengths: NDArray[np.int64]
     #: (n,) int64 ns
     log_times: NDArray[np.int64]
+    #: some of the messages of a batch lie in its data as all of them do
+    is_part: InitVar[bool] = False
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, is_part: bool) -> None:
+        if is_part:
+            return
         starts, sizes = self.offsets, self.lengths
         if not starts.size == sizes.size == self.log_times.size or (
             starts.size
@@ -59,10 +63,14 @@ class RawBatch:
             self.offsets[chosen],
             self.lengths[chosen],
             self.log_times[chosen],
+            is_part=True,
         )
 
     def parts(self) -> Iterator["RawBatch"]:
         """The same in batches of at most `BATCH_ROWS` messages and, with several, `BATCH_BYTES`."""
+        if 0 < self.rows <= BATCH_ROWS and self.lengths.sum() <= BATCH_BYTES:
+            yield self
+            return
         ends = np.cumsum(self.lengths)
         begin = 0
         while begin < self.rows:

@@ -45,7 +45,6 @@ class Plan:
         for field in (*self._fields, *filter(None, [self._stamp])):
             _want(wanted, field)
         self._ros1 = ros1
-        #: by the two bytes of the encapsulation, most significant first; ROS 1 has none
         self._asked = self._fields if self._stamp is None else (self._stamp, *self._fields)
         self._names = [*OWN_COLUMNS, *(field.name for field in self._fields)]
         #: by the two bytes of the encapsulation, most significant first; ROS 1 has none

@@ -88,16 +88,16 @@ class BlockStore:
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
-        usable = {key: _usable(values) for key, values in times.items()}
-        self._blocks.append(_described(block, times, usable))
+        described, usable = _described(block, times)
+        self._blocks.append(described)
         for key, values in usable.items():
             self._late[key] = self._late.get(key, 0) + times[key].size - values.size
             self._times.setdefault(key, []).append(values)
 
     def lose(self, block: Block, times: Mapping[int, NDArray[np.int64]], why: str) -> None:
         """Note that a block, whose messages are known, cannot be read."""
-        usable = {key: _usable(values) for key, values in times.items()}
-        self.damage.lose(_described(block, times, usable), why)
+        described, _ = _described(block, times)
+        self.damage.lose(described, why)
 
     def survey(self, blocks: Iterable[Block]) -> None:
         """Add blocks that no index describes: they are unpacked to see what they hold."""
@@ -214,20 +214,17 @@ class BlockStore:
             )
 
 
-def _usable(times: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Without those beyond the year 2262, whose 64 bits are a negative number here."""
-    return times if not times.size or times.min() >= 0 else times[times >= 0]
-
-
 def _described(
-    block: Block,
-    times: Mapping[int, NDArray[np.int64]],
-    usable: Mapping[int, NDArray[np.int64]],
-) -> Block:
-    filled = [values for values in usable.values() if values.size]
-    return replace(
-        block,
-        counts={key: values.size for key, values in times.items() if values.size},
-        first_ns=min((int(values.min()) for values in filled), default=0),
-        last_ns=max((int(values.max()) for values in filled), default=-1),
-    )
+    block: Block, times: Mapping[int, NDArray[np.int64]]
+) -> tuple[Block, Mapping[int, NDArray[np.int64]]]:
+    """A block with what it holds, and the log times of its messages that can be used.
+
+    Those beyond the year 2262 cannot; their 64 bits are a negative number here.
+    """
+    everything = np.concatenate([no_times(), *times.values()])
+    counts = {key: values.size for key, values in times.items() if values.size}
+    if everything.size and everything.min() < 0:
+        times = {key: values[values >= 0] for key, values in times.items()}
+        everything = everything[everything >= 0]
+    first, last = (everything.min(), everything.max()) if everything.size else (0, -1)
+    return replace(block, counts=counts, first_ns=int(first), last_ns=int(last)), times

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from replay.decoding.batch import RawBatch
+from replay.readers.containers.place_of import place_of
 from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME
 
 Ints = NDArray[np.int64]
@@ -53,8 +54,8 @@ def _part(
     for row in range(rows.shape[1]):
         owners[row] = -1
         if first <= rows[TIME, row] <= last:
-            owner = np.searchsorted(wanted, rows[KEY, row])
-            if owner < wanted.size and wanted[owner] == rows[KEY, row]:
+            owner = place_of(rows[KEY, row], wanted)
+            if owner >= 0:
                 owners[row] = owner
                 ends[owner] += 1
     begin = 0

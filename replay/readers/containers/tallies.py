@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from replay.readers.containers.place_of import place_of
 from replay.readers.containers.records import KEY, TIME, Slab
 
 Ints = NDArray[np.int64]
@@ -42,9 +43,8 @@ def _count(rows: Ints, bounds: Ints, keys: Ints, counts: Ints, spans: Ints) -> N
             key, time = rows[KEY, row], rows[TIME, row]
             if key < 0:
                 continue
-            owner = np.searchsorted(keys, key)
-            known = owner < keys.size and keys[owner] == key
-            counts[part, owner if known else keys.size] += 1
+            # of a key that nobody asked for: the last, which is that of all others
+            counts[part, place_of(key, keys)] += 1
             if time < 0:
                 spans[part, 2] += 1
             else:
