@@ -30,7 +30,7 @@ ELEMENT_TYPES: Final[dict[str, Any]] = {
 }
 
 
-def of_values(bits: NDArray[np.uint64], kind: str, absent: Flags | None = None) -> Array:
+def of_values(bits: Ints, kind: str, absent: Flags | None = None) -> Array:
     """Single values (n,) as they are gathered; null where they are absent."""
     if kind == "bool":
         return pa.array(bits != 0, mask=absent)

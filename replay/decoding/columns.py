@@ -19,7 +19,7 @@ from replay.decoding.arrays import (
     of_strings,
     of_values,
 )
-from replay.decoding.gather import DTYPES, Source, find, numbers, runs, values, views
+from replay.decoding.gather import DTYPES, find, numbers, runs, values, views
 from replay.decoding.located import (
     InBlock,
     Inline,
@@ -65,7 +65,7 @@ _Place: TypeAlias = _Elements | _Positions
 class Columns:
     """A walked batch, ready to give columns."""
 
-    source: Source
+    data: NDArray[np.uint8]
     swap: bool
     root: Nested
     #: by mark: what was noted for each element of its node
@@ -91,7 +91,7 @@ class Columns:
             above += room * size
         for k, mark in enumerate(together.gathering.text_marks.tolist()):
             if gathered.long_bytes[k]:
-                yield of_strings(*views(self.source, self.noted[mark], self.noted[mark + 1]))
+                yield of_strings(*views(self.data, self.noted[mark], self.noted[mark + 1]))
             else:
                 yield of_strings(gathered.views[k, :rows], _NO_TEXT)
 
@@ -200,7 +200,7 @@ class Columns:
         if (names.mark, name) not in self._found:
             text = names.element.mark
             self._found[names.mark, name] = find(
-                self.source.data,
+                self.data,
                 self.noted[text],
                 self.noted[text + 1],
                 self.noted[names.mark],
@@ -222,7 +222,7 @@ class Columns:
             starts = self._noted(array.mark, place.chosen)
         assert isinstance(array.element, Inline)
         kind = array.element.kind
-        run = runs(self.source, starts, counts * DTYPES[kind].itemsize)
+        run = runs(self.data, starts, counts * DTYPES[kind].itemsize)
         return of_elements(numbers(run, kind, swap=self.swap), kind)
 
     def _values(self, place: _Place) -> Array:
@@ -230,11 +230,11 @@ class Columns:
             assert isinstance(place.located, Text)
             starts = self._noted(place.located.mark, place.chosen)
             sizes = self._noted(place.located.mark + 1, place.chosen, absent=0)
-            return of_strings(*views(self.source, starts, sizes), absent=starts < 0)
+            return of_strings(*views(self.data, starts, sizes), absent=starts < 0)
         value = place.value
         assert isinstance(value, Inline)
         offset = place.offset + value.offset
-        bits = values(self.source, place.at, offset, value.kind, swap=self.swap)
+        bits = values(self.data, place.at, offset, value.kind, swap=self.swap)
         return of_values(bits, value.kind, absent=place.at < 0)
 
 

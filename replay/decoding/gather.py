@@ -4,15 +4,16 @@ The loops are compiled by numba and cached on disk. A position of -1 is a value 
 it gives 0.
 """
 
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from replay.decoding.unaligned import copy, load16, load32, load64, widened
+
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
-Words = NDArray[np.uint64]
 
 #: Little-endian numbers of the kinds; a bool is a byte until it is compared with 0.
 DTYPES: Final = {
@@ -35,49 +36,18 @@ LOADS: Final = {
 _INLINE: Final = 12
 
 
-class Source(NamedTuple):
-    """Bytes, and the numbers of 2, 4 and 8 bytes at every one of them."""
-
-    data: Bytes
-    short: NDArray[np.uint16]
-    word: NDArray[np.uint32]
-    long: Words
-
-
-def source_of(data: Bytes) -> Source:
-    """Bytes to gather from."""
-    return Source(data, *(_overlapping(data, f"u{size}") for size in (2, 4, 8)))
-
-
-def _overlapping(data: Bytes, kind: str) -> NDArray[Any]:
-    """The number at every byte, not only at every multiple of its size."""
-    dtype = np.dtype(kind)
-    count = max(data.size - dtype.itemsize + 1, 0)
-    return np.ndarray((count,), dtype, data, 0, (1,))
-
-
 @njit(cache=True, nogil=True)
-def load(
-    source: Source,
-    positions: Ints,
-    offset: int,
-    how: int,
-    swap: bool,
-    out: Words,
-    floats: NDArray[np.float64],
-) -> None:
+def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints) -> None:
     """Values of a column as 64 bits each: floats as double, stamps in ns.
 
     Args:
-        source: where they lie.
+        data: (bytes,) where they lie.
         positions: (n,) what they lie behind.
         offset: how far behind.
         how: what they are, see `LOADS`.
         swap: whether they are big-endian.
         out: (n,) out.
-        floats: the same memory as doubles.
     """
-    data, short, word, long = source
     size = abs(how)
     if size == 8:  # nearly all of them, in a loop with no other case in it
         for k in range(positions.size):
@@ -85,11 +55,9 @@ def load(
             if at < 0:
                 out[k] = 0
             else:
-                eight = long[at + offset]
+                eight = load64(data, at + offset)
                 out[k] = _swapped8(eight) if swap else eight
         return
-    bits = np.empty(1, np.uint32)
-    single = bits.view(np.float32)
     for k in range(positions.size):
         at = positions[k]
         if at < 0:
@@ -97,83 +65,59 @@ def load(
             continue
         at += offset
         if how == _STAMP:
-            seconds = _swapped4(word[at]) if swap else np.uint64(word[at])
-            rest = _swapped4(word[at + 4]) if swap else np.uint64(word[at + 4])
-            out[k] = _signed(seconds, 32) * np.int64(10**9) + np.int64(rest)
+            seconds = _swapped4(load32(data, at)) if swap else load32(data, at)
+            rest = _swapped4(load32(data, at + 4)) if swap else load32(data, at + 4)
+            out[k] = _signed(seconds, 32) * np.int64(10**9) + rest
         elif how == _FLOAT32:
-            bits[0] = _swapped4(word[at]) if swap else np.uint64(word[at])
-            floats[k] = single[0]
+            out[k] = widened(_swapped4(load32(data, at)) if swap else load32(data, at))
         else:
             if size == 4:
-                value = _swapped4(word[at]) if swap else np.uint64(word[at])
+                value = _swapped4(load32(data, at)) if swap else load32(data, at)
             elif size == 2:
-                value = np.uint64(short[at])
+                value = load16(data, at)
                 if swap:
-                    value = (value & np.uint64(0xFF)) << np.uint64(8) | value >> np.uint64(8)
+                    value = (value & 0xFF) << 8 | value >> 8
             else:
-                value = np.uint64(data[at])
-            out[k] = _signed(value, 8 * size) if how < 0 else np.int64(value)
+                value = int(data[at])
+            out[k] = _signed(value, 8 * size) if how < 0 else value
 
 
 @njit(cache=True, nogil=True)
-def _signed(value: np.uint64, bits: int) -> np.int64:
-    gap = np.int64(64 - bits)
-    return np.int64(value) << gap >> gap
+def _signed(value: int, bits: int) -> int:
+    return value << 64 - bits >> 64 - bits
 
 
 @njit(cache=True, nogil=True)
-def _swapped4(value: Any) -> np.uint64:
-    low = np.uint64(value)
-    byte = np.uint64(0xFF)
-    return (
-        (low & byte) << np.uint64(24)
-        | (low >> np.uint64(8) & byte) << np.uint64(16)
-        | (low >> np.uint64(16) & byte) << np.uint64(8)
-        | low >> np.uint64(24)
-    )
+def _swapped4(value: int) -> int:
+    return (value & 0xFF) << 24 | (value & 0xFF00) << 8 | value >> 8 & 0xFF00 | value >> 24 & 0xFF
 
 
 @njit(cache=True, nogil=True)
-def _swapped8(value: Any) -> np.uint64:
-    low = value & np.uint64(0xFFFFFFFF)
-    return _swapped4(low) << np.uint64(32) | _swapped4(value >> np.uint64(32))
+def _swapped8(value: int) -> int:
+    return _swapped4(value) << 32 | _swapped4(value >> 32)
 
 
 @njit(cache=True, nogil=True)
-def copy_equal(
-    source: Source, positions: Ints, offset: int, size: int, out: Bytes, words: Words, to: int
-) -> None:
-    """Copy runs of one size, `offset` bytes behind positions (n,).
+def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes) -> None:
+    """Copy runs of one size, one behind the other.
 
     Args:
-        source: where they lie.
+        data: (bytes,) where they lie.
         positions: (n,) what they lie behind.
         offset: how far behind.
         size: bytes of each.
-        out: takes them, one behind the other.
-        words: the 64 bits at every byte of it.
-        to: where in it.
+        out: (n size,) out.
     """
-    data, long = source.data, source.long
     for k in range(positions.size):
-        at = positions[k] + offset
-        end = to + size
-        while to + 8 <= end:
-            words[to] = long[at]
-            to += 8
-            at += 8
-        while to < end:
-            out[to] = data[at]
-            to += 1
-            at += 1
+        copy(data, positions[k] + offset, out, k * size, size)
 
 
 @njit(cache=True, nogil=True)
-def view(source: Source, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: Bytes) -> int:
+def view(data: Bytes, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: Bytes) -> int:
     """Strings as Arrow's views of them (n, 4): size, then all of it, or else where the text is.
 
     Args:
-        source: where they lie.
+        data: (bytes,) where they lie.
         starts: (n,) where each begins.
         sizes: (n,) bytes of each.
         out: (n, 4) out.
@@ -182,7 +126,6 @@ def view(source: Source, starts: Ints, sizes: Ints, out: NDArray[np.uint32], tex
     Returns:
         The bytes of `text` that they need.
     """
-    data = source.data
     lanes = np.empty(3, np.uint32)
     characters = lanes.view(np.uint8)
     to = 0
@@ -200,27 +143,17 @@ def view(source: Source, starts: Ints, sizes: Ints, out: NDArray[np.uint32], tex
         out[k, 2] = 0
         out[k, 3] = to
         if to + size <= text.size:
-            for byte in range(size):
-                text[to + byte] = data[at + byte]
+            copy(data, at, text, to, size)
         to += size
     return to
 
 
 @njit(cache=True, nogil=True)
-def _copy(source: Source, starts: Ints, sizes: Ints, out: Bytes, words: Words) -> None:
-    data, long = source.data, source.long
+def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
     to = 0
     for k in range(starts.size):
-        at = starts[k]
-        end = to + sizes[k]
-        while to + 8 <= end:
-            words[to] = long[at]
-            to += 8
-            at += 8
-        while to < end:
-            out[to] = data[at]
-            to += 1
-            at += 1
+        copy(data, starts[k], out, to, sizes[k])
+        to += sizes[k]
 
 
 @njit(cache=True, nogil=True)
@@ -258,31 +191,26 @@ def find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: str) -> Int
     return found
 
 
-def values(source: Source, positions: Ints, offset: int, kind: str, *, swap: bool) -> Words:
+def values(data: Bytes, positions: Ints, offset: int, kind: str, *, swap: bool) -> Ints:
     """Values of one kind, 64 bits each, at `positions + offset`."""
-    out = np.empty(positions.size, np.uint64)
-    load(source, positions, offset, LOADS[kind], swap, out, out.view(np.float64))
+    out = np.empty(positions.size, np.int64)
+    load(data, positions, offset, LOADS[kind], swap, out)
     return out
 
 
-def views(source: Source, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
+def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], Bytes]:
     """Strings as Arrow's views (n, 4), with the text of those that do not fit into theirs."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
-    view(source, starts, sizes, out, text)
+    view(data, starts, sizes, out, text)
     return out, text
 
 
-def runs(source: Source, starts: Ints, sizes: Ints) -> Bytes:
+def runs(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
     """Runs of bytes, one behind the other."""
     out = np.empty(int(sizes.sum()), np.uint8)
-    _copy(source, starts, sizes, out, words_of(out))
+    _copy(data, starts, sizes, out)
     return out
-
-
-def words_of(out: Bytes) -> Words:
-    """The 64 bits at every byte."""
-    return _overlapping(out, "u8")
 
 
 def numbers(run: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:

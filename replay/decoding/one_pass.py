@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from replay.decoding.gather import Source, copy_equal, load, view, words_of
+from replay.decoding.gather import copy_equal, load, view
 from replay.decoding.together import Gathering
 from replay.decoding.walk import Encoding, Layout, Noted, walk
 
@@ -23,12 +23,10 @@ _BLOCK_ROWS: Final = 1024
 class Gathered(NamedTuple):
     """What a pass gathers; of `n` rows those of whole messages are filled, the first ones."""
 
-    #: (values, n) 64 bits each, and the same memory as doubles
-    values: NDArray[np.uint64]
-    floats: NDArray[np.float64]
-    #: one array behind the other, n rows of each, and the 64 bits at every byte
+    #: (values, n) 64 bits each
+    values: Ints
+    #: one array behind the other, n rows of each
     arrays: Bytes
-    words: NDArray[np.uint64]
     #: (texts, n, 4) views of strings, and the bytes of those that do not fit into theirs
     views: NDArray[np.uint32]
     long_bytes: Ints
@@ -36,14 +34,10 @@ class Gathered(NamedTuple):
 
 def room_for(gathering: Gathering, rows: int) -> Gathered:
     """Memory for so many rows."""
-    values = np.empty((gathering.value_marks.size, rows), np.uint64)
-    arrays = np.empty(int(gathering.array_bytes.sum()) * rows, np.uint8)
     texts = gathering.text_marks.size
     return Gathered(
-        values,
-        values.view(np.float64),
-        arrays,
-        words_of(arrays),
+        np.empty((gathering.value_marks.size, rows), np.int64),
+        np.empty(int(gathering.array_bytes.sum()) * rows, np.uint8),
         np.empty((texts, rows, 4), np.uint32),
         np.zeros(texts, np.int64),
     )
@@ -51,7 +45,7 @@ def room_for(gathering: Gathering, rows: int) -> Gathered:
 
 @njit(cache=True, nogil=True)
 def one_pass(
-    source: Source,
+    data: Bytes,
     begins: Ints,
     sizes: Ints,
     encoding: Encoding,
@@ -66,7 +60,7 @@ def one_pass(
     """Walk and gather messages.
 
     Args:
-        source: what they lie in.
+        data: (bytes,) what they lie in.
         begins: (n,) where each begins, behind its encapsulation.
         sizes: (n,) bytes of each from there on.
         encoding: of all of them.
@@ -82,13 +76,13 @@ def one_pass(
     for first in range(0, begins.size, _BLOCK_ROWS):
         row = filled[0]
         end = min(first + _BLOCK_ROWS, begins.size)
-        walk(source, begins, sizes, first, end, encoding, steps, noted, layout, faults, places)
-        _gather(source, noted, gathering, gathered, encoding.swap, row, filled[0])
+        walk(data, begins, sizes, first, end, encoding, steps, noted, layout, faults, places)
+        _gather(data, noted, gathering, gathered, encoding.swap, row, filled[0])
 
 
 @njit(cache=True, nogil=True)
 def _gather(
-    source: Source,
+    data: Bytes,
     noted: Noted,
     gathering: Gathering,
     gathered: Gathered,
@@ -96,40 +90,30 @@ def _gather(
     first: int,
     end: int,
 ) -> None:
-    marks, bases = noted.marks, noted.bases
-    for k in range(gathering.value_marks.size):
-        base = bases[gathering.value_marks[k]]
-        load(
-            source,
-            marks[base + first : base + end],
-            gathering.value_offsets[k],
-            gathering.value_loads[k],
-            swap,
-            gathered.values[k, first:end],
-            gathered.floats[k, first:end],
-        )
-    rows = gathered.values.shape[1]
+    # unpacked once: in a loop, each time would count references to all
+    _, bases, _, marks, _, _, _ = noted
+    value_marks, value_offsets, value_loads = gathering[:3]
+    array_marks, array_offsets, array_bytes, text_marks = gathering[3:]
+    values, arrays, views, long_bytes = gathered
+    for k in range(value_marks.size):
+        base = bases[value_marks[k]]
+        positions = marks[base + first : base + end]
+        load(data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end])
+    rows = values.shape[1]
     above = 0
-    for k in range(gathering.array_marks.size):
-        base, size = bases[gathering.array_marks[k]], gathering.array_bytes[k]
-        offset = gathering.array_offsets[k]
-        copy_equal(
-            source,
-            marks[base + first : base + end],
-            offset,
-            size,
-            gathered.arrays,
-            gathered.words,
-            above + first * size,
-        )
+    for k in range(array_marks.size):
+        base, size = bases[array_marks[k]], array_bytes[k]
+        positions = marks[base + first : base + end]
+        out = arrays[above + first * size : above + end * size]
+        copy_equal(data, positions, array_offsets[k], size, out)
         above += rows * size
     nowhere = np.empty(0, np.uint8)
-    for k in range(gathering.text_marks.size):
-        base, sizes = bases[gathering.text_marks[k]], bases[gathering.text_marks[k] + 1]
-        gathered.long_bytes[k] += view(
-            source,
+    for k in range(text_marks.size):
+        base, sizes = bases[text_marks[k]], bases[text_marks[k] + 1]
+        long_bytes[k] += view(
+            data,
             marks[base + first : base + end],
             marks[sizes + first : sizes + end],
-            gathered.views[k, first:end],
+            views[k, first:end],
             nowhere,
         )

@@ -10,7 +10,7 @@ import polars as pl
 
 from replay.decoding.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.decoding.decoder import Decoded, Decoder, Submit, Tally, at_once
-from replay.decoding.gather import runs, source_of
+from replay.decoding.gather import runs
 from replay.decoding.in_order import joined_frames, sorted_batch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
@@ -88,7 +88,7 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) ->
 
 def _copied(batch: RawBatch) -> RawBatch:
     """Its messages alone, since a container may use the memory again."""
-    data = runs(source_of(batch.data), batch.offsets, batch.lengths)
+    data = runs(batch.data, batch.offsets, batch.lengths)
     offsets = np.cumsum(batch.lengths) - batch.lengths
     return RawBatch(
         batch.connection_id, data, offsets, batch.lengths.copy(), batch.log_times.copy()

@@ -18,8 +18,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from replay.decoding.gather import Source
 from replay.decoding.program import Column, Op
+from replay.decoding.unaligned import load32, load64
 
 Ints = NDArray[np.int64]
 
@@ -40,7 +40,7 @@ FAULTS: Final = (
 _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS))
 #: What stands in the place of an encapsulation that a message is too short for.
 TOO_SHORT: Final = -1
-_NOT_ASCII: Final = np.uint64(0x8080808080808080)
+_NOT_ASCII: Final = np.uint64(0x8080808080808080).astype(np.int64)
 
 #: A layout with more to compare, or more to note, is not remembered.
 _MOST_CHECKS: Final = 64
@@ -105,7 +105,7 @@ def no_layout(nodes: int) -> Layout:
 
 @njit(cache=True, nogil=True)
 def walk(
-    source: Source,
+    data: NDArray[np.uint8],
     begins: Ints,
     sizes: Ints,
     first: int,
@@ -120,7 +120,7 @@ def walk(
     """Walk messages and note the marks of those that are whole.
 
     Args:
-        source: what they lie in.
+        data: (bytes,) what they lie in.
         begins: (n,) where each begins, behind its encapsulation; alignment counts from there.
         sizes: (n,) bytes of each from there on.
         first: the first of them.
@@ -132,7 +132,6 @@ def walk(
         faults: (n,) out, what is wrong with each message, see `FAULTS`.
         places: (n,) out, the byte where it ends or that was found.
     """
-    data, _, word, long = source
     cdr, swap, counted = encoding
     nodes, bases, room, marks, filled, kept, left = noted
     checks, notes, elements, state = layout
@@ -147,7 +146,7 @@ def walk(
             gap = other - begin
             last = at + checks[check, 1]
             while same and at + 8 <= last:
-                same = long[at] == long[at + gap]
+                same = load64(data, at) == load64(data, at + gap)
                 at += 8
             while same and at < last:
                 same = data[at] == data[at + gap]
@@ -210,7 +209,7 @@ def walk(
                     if size - at < 4:
                         fault = _ENDS
                         break
-                    count = np.int64(word[begin + at])
+                    count = load32(data, begin + at)
                     if swap:
                         count = (
                             count >> 24
@@ -232,7 +231,7 @@ def walk(
                             fault = _NO_NUL
                             break
                     byte, last = begin + place, begin + place + count
-                    while byte + 8 <= last and long[byte] & _NOT_ASCII == 0:
+                    while byte + 8 <= last and load64(data, byte) & _NOT_ASCII == 0:
                         byte += 8
                     while byte < last and data[byte] < 0x80:
                         byte += 1

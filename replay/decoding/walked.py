@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.decoding.columns import Columns
-from replay.decoding.gather import source_of
 from replay.decoding.one_pass import one_pass, room_for
 from replay.decoding.program import Program
 from replay.decoding.together import Together
@@ -59,7 +58,7 @@ class Walk:
         """
         rows = begins.size
         self._program, self._together, self._swap = program, together, swap
-        self._source, self._begins, self._sizes = source_of(data), begins, sizes
+        self._data, self._begins, self._sizes = data, begins, sizes
         self._gathered = room_for(together.gathering, rows)
         self._faults, self._places = np.empty(rows, np.int8), np.empty(rows, np.int64)
         room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
@@ -71,7 +70,7 @@ class Walk:
         program, wire = self._program, self._program.wire
         while True:
             one_pass(
-                self._source, self._begins, self._sizes,
+                self._data, self._begins, self._sizes,
                 Encoding(wire.cdr, self._swap, wire.counted), program.steps, self._noted,
                 no_layout(program.nodes), self._together.gathering, self._gathered,
                 self._faults, self._places,
@@ -89,9 +88,7 @@ class Walk:
             marks[base : base + filled[node]] for base, node in zip(bases, nodes, strict=True)
         )
         root, rows = self._program.root, int(filled[0])
-        columns = Columns(
-            self._source, self._swap, root, noted, rows, self._together, self._gathered
-        )
+        columns = Columns(self._data, self._swap, root, noted, rows, self._together, self._gathered)
         whole = self._faults == 0
         if whole.all():
             return WalkedBatch(columns, whole, "")

@@ -1,0 +1,62 @@
+"""Numbers at any byte of an array, for compiled code.
+
+Indexing knows aligned numbers alone, looks for negative indices, and counts the references to what
+a slice shares: over a million messages that costs more than the numbers. As with indexing in
+compiled code, nobody looks whether a byte is inside the array.
+"""
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+
+
+def _address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
+    return builder.gep(context.make_array(kind)(context, builder, array).data, [at])
+
+
+def _load(number: Any) -> Any:
+    def typed(_: Any, data: Any, at: Any) -> tuple[Any, Any]:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            address = _address(context, builder, signature.args[0], *arguments)
+            pointer = builder.bitcast(address, context.get_data_type(number).as_pointer())
+            return context.cast(builder, builder.load(pointer, align=1), number, types.int64)
+
+        return types.int64(data, at), generate
+
+    return typed
+
+
+def _copy(_: Any, data: Any, at: Any, target: Any, to: Any, size: Any) -> tuple[Any, Any]:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        source = _address(context, builder, signature.args[0], *arguments[:2])
+        sink = _address(context, builder, signature.args[2], *arguments[2:4])
+        cgutils.raw_memcpy(builder, sink, source, arguments[4], 1)
+        return context.get_dummy_value()
+
+    return types.void(data, at, target, to, size), generate
+
+
+def _widened(_: Any, bits: Any) -> tuple[Any, Any]:
+    def generate(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+        word = builder.trunc(arguments[0], context.get_data_type(types.uint32))
+        single = builder.bitcast(word, context.get_data_type(types.float32))
+        double = builder.fpext(single, context.get_data_type(types.float64))
+        return builder.bitcast(double, context.get_data_type(types.int64))
+
+    return types.int64(bits), generate
+
+
+#: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
+load16: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.uint16)))
+load32: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.uint32)))
+load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.int64)))
+#: (data, at, target, to, size): copy so many bytes
+copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_copy))
+#: (the bits of a number of single precision) -> those of the double that equals it
+widened: Callable[[int], int] = cast("Any", intrinsic(_widened))
