@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
+from llvmlite import ir  # which numba brings
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
@@ -52,6 +53,19 @@ def _widened(_: Any, bits: Any) -> tuple[Any, Any]:
     return types.int64(bits), generate
 
 
+def _fetch(_: Any, data: Any, at: Any) -> tuple[Any, Any]:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        address = _address(context, builder, signature.args[0], *arguments)
+        word = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [address.type, word, word, word])
+        prefetch = builder.module.declare_intrinsic("llvm.prefetch", [address.type], kind)
+        # to read, into the nearest cache, data
+        builder.call(prefetch, [address, word(0), word(3), word(1)])
+        return context.get_dummy_value()
+
+    return types.void(data, at), generate
+
+
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8
 load16: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.uint16)))
 load32: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.uint32)))
@@ -60,3 +74,5 @@ load64: Callable[[Bytes, int], int] = cast("Any", intrinsic(_load(types.int64)))
 copy: Callable[[Bytes, int, Bytes, int, int], None] = cast("Any", intrinsic(_copy))
 #: (the bits of a number of single precision) -> those of the double that equals it
 widened: Callable[[int], int] = cast("Any", intrinsic(_widened))
+#: (data, at): the processor may bring what lies there nearer
+fetch: Callable[[Bytes, int], None] = cast("Any", intrinsic(_fetch))

@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from replay.decoding.program import Column, Op
-from replay.decoding.unaligned import load32, load64
+from replay.decoding.unaligned import fetch, load32, load64
 
 Ints = NDArray[np.int64]
 
@@ -41,6 +41,10 @@ _ENDS, _LONG_TEXT, _NO_NUL, _NO_UTF8, _LONG_LIST, _GOES_ON = range(1, len(FAULTS
 #: What stands in the place of an encapsulation that a message is too short for.
 TOO_SHORT: Final = -1
 _NOT_ASCII: Final = np.uint64(0x8080808080808080).astype(np.int64)
+
+#: Messages of one topic are apart from each other; the processor is told of what comes.
+_AHEAD: Final = 8
+_LINE_BYTES: Final = 64
 
 #: A layout with more to compare, or more to note, is not remembered.
 _MOST_CHECKS: Final = 64
@@ -138,6 +142,10 @@ def walk(
     check_count, note_count, other, other_size, other_end, walked = state
     for message in range(first, end):
         begin, size = begins[message], sizes[message]
+        if message + _AHEAD < begins.size:
+            ahead = begins[message + _AHEAD]
+            for line in range(ahead, ahead + sizes[message + _AHEAD], _LINE_BYTES):
+                fetch(data, line)
 
         same = check_count >= 0 and size == other_size
         check = 0

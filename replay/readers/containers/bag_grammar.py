@@ -6,24 +6,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from replay.decoding.unaligned import load32, load64
 from replay.readers.containers.bag_records import CONNECTION, LONGEST_HEADER, MESSAGE
-from replay.readers.containers.little_endian import little_endian
 from replay.readers.containers.records import Grammar
 
 #: Where records are looked for after damage.
 _USUAL_HEADER: Final = 1024
 #: So many records must follow each other for bytes to be taken for records again.
 _PROVEN: Final = 3
-_NAME: Final = np.frombuffer(b"op=conn=time=", np.uint8)
-_OP, _CONN, _TIME = (0, 3), (3, 8), (8, 13)
-
-
-@njit(cache=True, nogil=True)
-def _is_named(data: NDArray[np.uint8], at: int, begin: int, end: int) -> bool:
-    for k in range(end - begin):  # noqa: SIM110 - numba has no all()
-        if data[at + k] != _NAME[begin + k]:
-            return False
-    return True
+#: Names of fields with their equals sign, as little-endian numbers of 3 and of 5 bytes.
+_OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=", b"time="))
+_3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
 @njit(cache=True, nogil=True)
@@ -35,29 +28,28 @@ def _parse(
     The op is -1 where there is none; of the rest what a record does not have.
     """
     none = (-1, -1, -1, 0, 0)
-    size = little_endian(data, at, 4)
+    size = load32(data, at)
     fields_end = at + 4 + size
     if size > longest or fields_end + 4 > end:
         return none
     op, connection, time = -1, -1, -1
     field = at + 4
     while field + 4 <= fields_end:
-        length = little_endian(data, field, 4)
+        length = load32(data, field)
         value = field + 4
         field = value + length
         if field > fields_end:
             return none
-        if length == 4 and _is_named(data, value, _OP[0], _OP[1]):
-            op = int(data[value + 3])
-        elif length == 9 and _is_named(data, value, _CONN[0], _CONN[1]):
-            connection = little_endian(data, value + 5, 4)
-        elif length == 13 and _is_named(data, value, _TIME[0], _TIME[1]):
-            seconds = little_endian(data, value + 5, 4)
-            time = seconds * 1_000_000_000 + little_endian(data, value + 9, 4)
+        if length == 4 and load32(data, value) & _3_BYTES == _OP:
+            op = load32(data, value) >> 24
+        elif length == 9 and load64(data, value) & _5_BYTES == _CONN:
+            connection = load32(data, value + 5)
+        elif length == 13 and load64(data, value) & _5_BYTES == _TIME:
+            time = load32(data, value + 5) * 1_000_000_000 + load32(data, value + 9)
     if field != fields_end or (op == MESSAGE and (connection < 0 or time < 0)):
         return none
     body = fields_end + 4
-    return op, connection, time, body, body + little_endian(data, fields_end, 4)
+    return op, connection, time, body, body + load32(data, fields_end)
 
 
 @njit(cache=True, nogil=True)

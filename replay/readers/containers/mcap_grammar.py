@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from replay.readers.containers.little_endian import little_endian
+from replay.decoding.unaligned import load16, load32, load64
 from replay.readers.containers.mcap_records import (
     CHANNEL,
     CHUNK,
@@ -41,7 +41,7 @@ def _scan(
     room = rows.shape[1]
     while at + _HEAD <= end:
         opcode = np.int64(data[at])
-        length = little_endian(data, at + 1, 8)
+        length = load64(data, at + 1)
         if length < 0 or length > end - at - _HEAD:
             break
         if opcode < SCHEMA or MESSAGE < opcode <= _LAST_OPCODE:
@@ -51,8 +51,8 @@ def _scan(
             if length < _MESSAGE_HEAD:
                 break
             if row < room:
-                rows[0, row] = little_endian(data, body, 2)
-                rows[1, row] = little_endian(data, body + 6, 8)
+                rows[0, row] = load16(data, body)
+                rows[1, row] = load64(data, body + 6)
                 rows[2, row] = body + _MESSAGE_HEAD
                 rows[3, row] = length - _MESSAGE_HEAD
             row += 1
@@ -73,7 +73,7 @@ def _scan(
 def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, int]:
     """Where the record at `at` ends, and how much its looks prove; 0 that it is none."""
     opcode = np.int64(data[at])
-    length = little_endian(data, at + 1, 8)
+    length = load64(data, at + 1)
     if opcode < 1 or opcode > _LAST_OPCODE or length < 0 or length > limit - at - _HEAD:
         return 0, 0
     if opcode == MESSAGE and length < _MESSAGE_HEAD:
@@ -82,11 +82,11 @@ def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, 
     if opcode == CHUNK:
         if at + _HEAD + _CHUNK_HEAD > end:
             return 0, 0
-        name = little_endian(data, at + _HEAD + 28, 4)
+        name = load32(data, at + _HEAD + 28)
         stored = at + _HEAD + 32 + name
         if name > _LONGEST_NAME or stored + 8 > end:
             return 0, 0
-        if little_endian(data, stored, 8) != length - _CHUNK_HEAD - name:
+        if load64(data, stored) != length - _CHUNK_HEAD - name:
             return 0, 0
         proof = _PROVEN  # 64 bits that agree
     return at + _HEAD + length, proof
