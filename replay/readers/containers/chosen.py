@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from replay.decoding.batch import RawBatch
-from replay.readers.containers.place_of import place_of
+from replay.readers.containers.places import places_of
 from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME
 
 Ints = NDArray[np.int64]
@@ -27,7 +27,7 @@ def chosen_batches(
     """
     ends = np.zeros(wanted.size, np.int64)
     found = np.empty((3, rows.shape[1]), np.int64)
-    _part(rows, wanted, first, last, np.empty(rows.shape[1], np.int64), ends, found)
+    _part(rows, places_of(rows[KEY], wanted), first, last, ends, found)
     begin = 0
     for key, end in zip(wanted.tolist(), ends.tolist(), strict=True):
         if end > begin:
@@ -37,29 +37,24 @@ def chosen_batches(
 
 
 @njit(cache=True, nogil=True)
-def _part(
-    rows: Ints, wanted: Ints, first: int, last: int, owners: Ints, ends: Ints, found: Ints
-) -> None:
+def _part(rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints) -> None:
     """Put offset, length and time of each wanted message behind those of its connection.
 
     Args:
         rows: (4, n) records.
-        wanted: (connections,) ascending.
+        owners: (n,) whose each is, -1 where nobody wants it; those of other times become that.
         first: the first log time.
         last: the last.
-        owners: (n,) scratch.
         ends: (connections,) in: zeros; out: where the messages of each end in `found`.
         found: (3, n) out.
     """
     for row in range(rows.shape[1]):
-        owners[row] = -1
-        if first <= rows[TIME, row] <= last:
-            owner = place_of(rows[KEY, row], wanted)
-            if owner >= 0:
-                owners[row] = owner
-                ends[owner] += 1
+        if not first <= rows[TIME, row] <= last:
+            owners[row] = -1
+        elif owners[row] >= 0:
+            ends[owners[row]] += 1
     begin = 0
-    for owner in range(wanted.size):
+    for owner in range(ends.size):
         count = ends[owner]
         ends[owner] = begin
         begin += count

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from replay.readers.containers.place_of import place_of
+from replay.readers.containers.places import places_of
 from replay.readers.containers.records import KEY, TIME, Slab
 
 Ints = NDArray[np.int64]
@@ -31,20 +31,20 @@ def tallies(slab: Slab, keys: Ints) -> list[Tally]:
     bounds = np.array([part[1:3] for part in slab.parts], np.int64).reshape(-1, 2)
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))
-    _count(slab.rows, bounds, keys, counts, spans)
+    # -1, of a key that nobody asked for, is the last: that of all others
+    _count(slab.rows, bounds, places_of(slab.rows[KEY], keys), counts, spans)
     pairs = zip(counts.tolist(), spans.tolist(), strict=True)
     return [Tally(held, *span) for held, span in pairs]
 
 
 @njit(cache=True, nogil=True)
-def _count(rows: Ints, bounds: Ints, keys: Ints, counts: Ints, spans: Ints) -> None:
+def _count(rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints) -> None:
     for part in range(bounds.shape[0]):
         for row in range(bounds[part, 0], bounds[part, 1]):
-            key, time = rows[KEY, row], rows[TIME, row]
-            if key < 0:
+            time = rows[TIME, row]
+            if rows[KEY, row] < 0:
                 continue
-            # of a key that nobody asked for: the last, which is that of all others
-            counts[part, place_of(key, keys)] += 1
+            counts[part, owners[row]] += 1
             if time < 0:
                 spans[part, 2] += 1
             else:
