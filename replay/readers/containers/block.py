@@ -82,11 +82,15 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
 
 def _decompress(block: Block, stored: bytes, target: NDArray[np.uint8]) -> int:
     import pyarrow as pa  # slow to import, and an index makes it unnecessary
+    import zstandard
 
     view, done = target.data, 0
     # the decompressor says at its end that the stream broke off, not how much came before
     step = _TORN_STEP if block.is_torn else max(len(view), 1)
-    stream = pa.CompressedInputStream(pa.BufferReader(stored), block.compression)
+    if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
+        stream = zstandard.ZstdDecompressor().stream_reader(stored, read_across_frames=True)
+    else:
+        stream = pa.CompressedInputStream(pa.BufferReader(stored), block.compression)
     try:
         while done < len(view):
             count = stream.readinto(view[done : done + step])
@@ -95,7 +99,7 @@ def _decompress(block: Block, stored: bytes, target: NDArray[np.uint8]) -> int:
             done += count
         if not block.is_torn and stream.read(1):
             raise DamagedBlockError(f"more than the {block.unpacked_bytes:,} bytes it declares")
-    except (OSError, MemoryError, pa.ArrowException) as error:
+    except (OSError, MemoryError, pa.ArrowException, zstandard.ZstdError) as error:
         if not block.is_torn:
             raise DamagedBlockError(" ".join(str(error).split()) or "no memory") from error
     return done

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from replay.readers.containers.block import LARGEST_BYTES, Block, DamagedBlockError, unpack
 from replay.readers.containers.file_bytes import FileBytes
-from replay.readers.containers.records import Grammar, Slab, scan_rows
+from replay.readers.containers.records import Grammar, Rows, Slab
 
 #: Blocks are unpacked side by side up to this size, since who reads them pays by the slab.
 SLAB_BYTES: Final = 8 * 2**20
@@ -72,30 +72,25 @@ def _load(
     file: FileBytes, blocks: list[Block], grammar: Grammar, recycled: NDArray[np.uint8] | None
 ) -> Slab:
     """What a worker does."""
-    whole: list[Block] = []
-    spans: list[tuple[int, int]] = []
     damaged: list[tuple[Block, str]] = []
-    buffer = recycled
+    parts: list[tuple[Block, int, int, int]] = []
+    try:
+        size = max(SLAB_BYTES, sum(map(_room, blocks)))
+        buffer = np.empty(size, np.uint8) if recycled is None else recycled
+    except MemoryError:
+        nothing = np.empty(0, np.uint8)
+        lost = tuple((block, "not enough memory") for block in blocks)
+        return Slab(nothing, Rows(grammar, nothing, 0).found, (), lost)
+    rows = Rows(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     at = 0
     for block in blocks:
         try:
-            if buffer is None:
-                buffer = np.empty(max(SLAB_BYTES, sum(map(_room, blocks))), np.uint8)
             size = unpack(block, file, buffer[at : at + block.room])
         except DamagedBlockError as error:
             damaged.append((block, str(error)))
         except (OSError, MemoryError) as error:
             damaged.append((block, str(error) or "not enough memory"))
         else:
-            whole.append(block)
-            spans.append((at, at + size))
+            parts.append((block, *rows.scan(at, at + size)))
             at += size
-    if buffer is None:
-        buffer = np.empty(0, np.uint8)
-    known = sum(sum(block.counts.values()) for block in whole)
-    rows, found = scan_rows(grammar, buffer, spans, known)
-    parts = tuple(
-        (block, first, last, unread)
-        for block, (first, last, unread) in zip(whole, found, strict=True)
-    )
-    return Slab(buffer, rows, parts, tuple(damaged))
+    return Slab(buffer, rows.found, tuple(parts), tuple(damaged))

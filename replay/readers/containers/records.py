@@ -44,27 +44,44 @@ class Slab:
     damaged: tuple[tuple[Block, str], ...]
 
 
-def scan_rows(
-    grammar: Grammar, data: NDArray[np.uint8], spans: list[tuple[int, int]], expected: int = 0
-) -> tuple[NDArray[np.int64], list[tuple[int, int, int]]]:
-    """Rows of several spans of `data`; for each its first row, the end, and its unread bytes.
+class Rows:
+    """The rows of a slab, which are found block by block: each is still in the caches then."""
 
-    Args:
-        grammar: of the records.
-        data: (bytes,) of a slab.
-        spans: from, to.
-        expected: how many records there are, if that is known; with another number the spans are
-            scanned twice.
-    """
-    rows = np.empty((4, expected), np.int64)
-    parts: list[tuple[int, int, int]] = []
-    row = 0
-    for begin, end in spans:
-        first, unread, at = row, end - begin, begin
+    def __init__(self, grammar: Grammar, data: NDArray[np.uint8], expected: int) -> None:
+        """Begin without rows.
+
+        Args:
+            grammar: of the records.
+            data: (bytes,) of the slab.
+            expected: how many records there are, if that is known; where there are more, a block
+                is scanned twice.
+        """
+        self._grammar, self._data = grammar, data
+        self._rows = np.empty((4, expected), np.int64)
+        self._count = 0
+
+    @property
+    def found(self) -> NDArray[np.int64]:
+        """All so far; see `Slab.rows`."""
+        return np.ascontiguousarray(self._rows[:, : self._count])
+
+    def scan(self, begin: int, end: int) -> tuple[int, int, int]:
+        """Add those of a span: its first row, the one behind its last, its bytes that are none."""
+        first = self._count
+        count, unread = self._scan(begin, end)
+        if first + count > self._rows.shape[1]:
+            grown = np.empty((4, max(first + count, 2 * first)), np.int64)
+            grown[:, :first] = self._rows[:, :first]
+            self._rows = grown
+            self._scan(begin, end)
+        self._count = first + count
+        return first, self._count, unread
+
+    def _scan(self, begin: int, end: int) -> tuple[int, int]:
+        row, unread, at = self._count, end - begin, begin
         while 0 <= at < end:
-            count, stop = grammar.scan(data, at, end, rows, row)
+            count, stop = self._grammar.scan(self._data, at, end, self._rows, row)
             row += count
             unread -= stop - at
-            at = grammar.find(data, stop + 1, end, end) if stop < end else end
-        parts.append((first, row, unread))
-    return (rows, parts) if row == expected else scan_rows(grammar, data, spans, row)
+            at = self._grammar.find(self._data, stop + 1, end, end) if stop < end else end
+        return row - self._count, unread

@@ -7,7 +7,7 @@ import numpy as np
 from replay.readers.containers.block import LARGEST_BYTES, Block
 from replay.readers.containers.block_store import BlockStore
 from replay.readers.containers.read_ahead import SLAB_BYTES
-from replay.readers.containers.records import scan_rows
+from replay.readers.containers.records import Rows
 
 _SMALLEST_WINDOW: Final = 65_536
 
@@ -33,6 +33,7 @@ class Stretches:
         _, stop = grammar.scan(data, 0, data.size, np.empty((4, 0), np.int64), 0)
         self._window = min(2 * size, SLAB_BYTES) if stop > size // 2 else _SMALLEST_WINDOW
         if stop:
-            rows, _ = scan_rows(grammar, data, [(0, stop)])
-            self._store.add_rows(Block(at, at, stop, "", stop), data, rows)
+            rows = Rows(grammar, data, 0)
+            rows.scan(0, stop)
+            self._store.add_rows(Block(at, at, stop, "", stop), data, rows.found)
         return at + stop
