@@ -19,15 +19,16 @@ def _search(found: Ints, keys: Ints, places: Ints) -> None:
     first = keys[0] if keys.size else 0
     for row in range(found.size):
         key = found[row]
-        low, high = 0, keys.size
         # recorders number connections one after another
-        middle = min(max(key - first, 0), high - 1)
+        near = key - first
+        if 0 <= near < keys.size and keys[near] == key:
+            places[row] = near
+            continue
+        low, high = 0, keys.size
         while low < high:
+            middle = (low + high) // 2
             if keys[middle] < key:
                 low = middle + 1
-            elif keys[middle] > key:
-                high = middle
             else:
-                low = high = middle
-            middle = (low + high) // 2
+                high = middle
         places[row] = low if low < keys.size and keys[low] == key else -1
