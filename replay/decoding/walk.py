@@ -43,7 +43,7 @@ TOO_SHORT: Final = -1
 _NOT_ASCII: Final = np.uint64(0x8080808080808080).astype(np.int64)
 
 #: Messages of one topic are apart from each other; the processor is told of what comes.
-_AHEAD: Final = 8
+_AHEAD: Final = 16
 _LINE_BYTES: Final = 64
 
 #: A layout with more to compare, or more to note, is not remembered.
@@ -326,6 +326,8 @@ def encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Int
 @njit(cache=True, nogil=True)
 def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints) -> None:
     for k in range(offsets.size):
+        if k + _AHEAD < offsets.size:
+            fetch(data, offsets[k + _AHEAD])
         at = offsets[k]
         kinds[k] = np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
 
