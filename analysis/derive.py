@@ -173,4 +173,4 @@ def _mean(
 ) -> tuple[filters.Ints, filters.Floats]:
     """The mean of two channels at the stamps of the first, the second held while it is fresh."""
     t, other = filters.held(*b, a[0], longest_ns)
-    return t, (a[1][np.isin(a[0], t)] + other) / 2.0
+    return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0

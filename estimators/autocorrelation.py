@@ -27,13 +27,13 @@ def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]
     for i in range(n):
         mine = group[i]
         if mine >= 0:
-            count = min(lags, n - i)
             e = residual[i]
-            following, theirs = residual[i : i + count], group[i : i + count]
-            for j in range(count):
+            for j in range(min(lags, n - i)):
+                # without a sign there is no negative index to look for, and the loop is vectorised
+                other = np.uint64(i + j)
                 # a group may have holes
-                both = theirs[j] == mine
-                sums[j] += e * following[j] if both else 0.0
+                both = group[other] == mine
+                sums[j] += e * residual[other] if both else 0.0
                 pairs[j] += 1.0 if both else 0.0
     return sums, pairs
 

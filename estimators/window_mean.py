@@ -29,10 +29,14 @@ def _weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Float
     begun = ended = 0
     for k in range(n):
         while begun < index.size and index[begun] - window + 1 <= k:
-            cover += breads[:, :, begun]
+            for i in range(p):
+                for j in range(p):
+                    cover[i, j] += breads[i, j, begun]
             begun += 1
         while ended < begun and index[ended] < k:
-            cover -= breads[:, :, ended]
+            for i in range(p):
+                for j in range(p):
+                    cover[i, j] -= breads[i, j, ended]
             ended += 1
         if begun > ended:
             inside[k] = 0
