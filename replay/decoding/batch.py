@@ -28,7 +28,7 @@ class RawBatch:
     lengths: NDArray[np.int64]
     #: (n,) int64 ns
     log_times: NDArray[np.int64]
-    #: some of the messages of a batch lie in its data as all of them do
+    #: taken from another batch, whose messages were held against the data: that is not done again
     is_part: InitVar[bool] = False
 
     def __post_init__(self, is_part: bool) -> None:

@@ -1,6 +1,6 @@
 """One pass over a batch: walk some messages, then gather from them what lies at fixed places.
 
-A few hundred messages fit into the processor's nearest caches, and are still there when their
+About a thousand messages fit into the processor's near caches, and are still there when their
 columns are gathered; a batch does not.
 """
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from replay.decoding.block import (
     Block,
+    NoPlanError,
     first_alignment,
     fixed_size,
     is_delimited,
@@ -70,6 +71,8 @@ class Program:
     nodes: int
     #: lists inside lists at most
     depth: int
+    #: no message with fewer bytes is whole
+    least_bytes: int
     root: Nested
 
 
@@ -79,7 +82,7 @@ def compile_program(record: Record, wanted: Wanted, wire: Wire) -> Program:
     Raises:
         NoPlanError: it has a field that no column can hold, or is too large.
     """
-    smallest_size(record, wire)
+    least_bytes = smallest_size(record, wire)
     compiler = _Compiler(wire)
     root = compiler.record(record, wanted)
     steps = np.array(compiler.steps, np.int64).reshape(-1, len(Column))
@@ -89,6 +92,7 @@ def compile_program(record: Record, wanted: Wanted, wire: Wire) -> Program:
         np.array(compiler.mark_nodes, np.int64),
         compiler.nodes,
         compiler.most_depth,
+        least_bytes,
         root,
     )
 
@@ -142,6 +146,9 @@ class _Compiler:
         return None if wanted is None else InBlock(self._note(1), value)
 
     def _list(self, kind: ListOf, wanted: Wanted | None) -> Located | None:
+        if kind.length == 0:
+            # rosbags pads before it; and lists of what takes no bytes would be walked without bound
+            raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
         if is_delimited(kind, self.wire):
             self._in_block(Scalar("uint32"), None)
         least = smallest_size(kind.element, self.wire)

@@ -2,7 +2,9 @@
 
 Indexing knows aligned numbers alone, looks for negative indices, and counts the references to what
 a slice shares: over a million messages that costs more than the numbers. As with indexing in
-compiled code, nobody looks whether a byte is inside the array.
+compiled code, nobody looks whether a byte is inside the array: that is for who calls, and
+`tests/replay/test_edges.py` puts damaged bytes at the edge of memory to see whether he does. An
+array whose bytes do not follow one another is refused when the caller is compiled.
 """
 
 from collections.abc import Callable
@@ -17,30 +19,38 @@ from numpy.typing import NDArray
 Bytes = NDArray[np.uint8]
 
 
+def _are_bytes(*arrays: Any) -> bool:
+    return all(
+        isinstance(each, types.Array) and each.dtype == types.uint8 and each.layout == "C"
+        for each in arrays
+    )
+
+
 def _address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
     return builder.gep(context.make_array(kind)(context, builder, array).data, [at])
 
 
 def _load(number: Any) -> Any:
-    def typed(_: Any, data: Any, at: Any) -> tuple[Any, Any]:
+    def typed(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             address = _address(context, builder, signature.args[0], *arguments)
             pointer = builder.bitcast(address, context.get_data_type(number).as_pointer())
             return context.cast(builder, builder.load(pointer, align=1), number, types.int64)
 
-        return types.int64(data, at), generate
+        return (types.int64(data, at), generate) if _are_bytes(data) else None
 
     return typed
 
 
-def _copy(_: Any, data: Any, at: Any, target: Any, to: Any, size: Any) -> tuple[Any, Any]:
+def _copy(_: Any, data: Any, at: Any, target: Any, to: Any, size: Any) -> tuple[Any, Any] | None:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         source = _address(context, builder, signature.args[0], *arguments[:2])
         sink = _address(context, builder, signature.args[2], *arguments[2:4])
         cgutils.raw_memcpy(builder, sink, source, arguments[4], 1)
         return context.get_dummy_value()
 
-    return types.void(data, at, target, to, size), generate
+    signature = types.void(data, at, target, to, size)
+    return (signature, generate) if _are_bytes(data, target) else None
 
 
 def _widened(_: Any, bits: Any) -> tuple[Any, Any]:
@@ -53,7 +63,7 @@ def _widened(_: Any, bits: Any) -> tuple[Any, Any]:
     return types.int64(bits), generate
 
 
-def _fetch(_: Any, data: Any, at: Any) -> tuple[Any, Any]:
+def _fetch(_: Any, data: Any, at: Any) -> tuple[Any, Any] | None:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address = _address(context, builder, signature.args[0], *arguments)
         word = ir.IntType(32)
@@ -63,7 +73,7 @@ def _fetch(_: Any, data: Any, at: Any) -> tuple[Any, Any]:
         builder.call(prefetch, [address, word(0), word(3), word(1)])
         return context.get_dummy_value()
 
-    return types.void(data, at), generate
+    return (types.void(data, at), generate) if _are_bytes(data) else None
 
 
 #: (data, at) -> an unsigned integer of 2 and of 4 little-endian bytes, and a signed one of 8

@@ -56,11 +56,13 @@ class Walk:
             sizes: (n,) bytes of each from there on.
             swap: whether their numbers are big-endian.
         """
-        rows = begins.size
+        # a definition may say that messages are large, where the data has small ones only
+        rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._together, self._swap = program, together, swap
         self._data, self._begins, self._sizes = data, begins, sizes
         self._gathered = room_for(together.gathering, rows)
-        self._faults, self._places = np.empty(rows, np.int8), np.empty(rows, np.int64)
+        self._faults = np.empty(begins.size, np.int8)
+        self._places = np.empty(begins.size, np.int64)
         room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
         self._noted = _room_for_marks(program, room)

@@ -69,7 +69,7 @@ def chunk_block(file: FileBytes, offset: int, record: Record | None) -> Block | 
     if record is None or record.op != CHUNK:
         return None
     compression = record.fields.get(b"compression", b"none").decode(errors="replace")
-    unpacked = int.from_bytes(record.fields.get(b"size", b""), "little")
+    unpacked = record.number(b"size") if b"size" in record.fields else 0
     left = file.size - record.data_offset
     behind = read_record(file, record.end) if record.data_bytes == unpacked == 0 else None
     is_open = record.data_bytes == unpacked == 0 and (

@@ -39,12 +39,12 @@ class Record(NamedTuple):
         return value[0] if len(value) == 1 else -1
 
     def number(self, name: bytes) -> int:
-        """A field that is an unsigned integer.
+        """A field that is an unsigned integer, of 8 bytes at most.
 
         Raises:
             KeyError: there is none.
         """
-        return int.from_bytes(self.fields[name], "little")
+        return int.from_bytes(self.fields[name][:8], "little")
 
     @property
     def end(self) -> int:

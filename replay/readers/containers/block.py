@@ -14,6 +14,9 @@ LARGEST_BYTES: Final = 2**30
 #: What a torn chunk of unknown size is given room for, in multiples of what is stored of it.
 _TORN_RATIO: Final = 64
 _TORN_STEP: Final = 65_536
+#: A frame of zstd to be skipped (RFC 8878, 3.1.2), empty. The decompressor does not say whether the
+#: frame before has its end; if not, this is taken for it, and refused.
+_NOTHING: Final = bytes.fromhex("502a4d1800000000")
 _NO_COUNTS: Final[dict[int, int]] = {}
 
 
@@ -88,7 +91,8 @@ def _decompress(block: Block, stored: bytes, target: NDArray[np.uint8]) -> int:
     # the decompressor says at its end that the stream broke off, not how much came before
     step = _TORN_STEP if block.is_torn else max(len(view), 1)
     if block.compression == "zstd":  # by itself: Arrow's takes a detour through a buffer
-        stream = zstandard.ZstdDecompressor().stream_reader(stored, read_across_frames=True)
+        frames = stored if block.is_torn else stored + _NOTHING
+        stream = zstandard.ZstdDecompressor().stream_reader(frames, read_across_frames=True)
     else:
         stream = pa.CompressedInputStream(pa.BufferReader(stored), block.compression)
     try:

@@ -125,13 +125,14 @@ def damaged_block(chunk: ChunkIndex) -> Block:
 def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np.int64]] | None:
     """Log times (as 64 bits) by channel, from the message indexes of a chunk.
 
-    None where they are not whole, or there are none.
+    None where they are not whole, or share bytes, or there are none.
     """
     offsets = chunk.message_index_offsets
     begin = chunk.chunk_start_offset + chunk.chunk_length
     if not offsets or min(offsets.values()) < begin:
         return None
     section = file.read(begin, chunk.message_index_length)
+    left = len(section)
     times: dict[int, NDArray[np.int64]] = {}
     for key, offset in offsets.items():
         at = offset - begin
@@ -139,7 +140,9 @@ def indexed_times(file: FileBytes, chunk: ChunkIndex) -> Mapping[int, NDArray[np
             return None
         opcode, _, channel, size = _MESSAGE_INDEX.unpack_from(section, at)
         at += _MESSAGE_INDEX.size
-        if opcode != MESSAGE_INDEX or channel != key or size % 16 or at + size > len(section):
+        left -= _MESSAGE_INDEX.size + size
+        is_whole = left >= 0 and at + size <= len(section) and size % 16 == 0
+        if opcode != MESSAGE_INDEX or channel != key or not is_whole:
             return None
         times[key] = np.frombuffer(section, "<i8", size // 8, at)[::2].astype(np.int64)
     return times

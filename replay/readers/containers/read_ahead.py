@@ -77,20 +77,21 @@ def _load(
     try:
         size = max(SLAB_BYTES, sum(map(_room, blocks)))
         buffer = np.empty(size, np.uint8) if recycled is None else recycled
+        rows = Rows(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     except MemoryError:
         nothing = np.empty(0, np.uint8)
         lost = tuple((block, "not enough memory") for block in blocks)
         return Slab(nothing, Rows(grammar, nothing, 0).found, (), lost)
-    rows = Rows(grammar, buffer, sum(sum(block.counts.values()) for block in blocks))
     at = 0
     for block in blocks:
         try:
             size = unpack(block, file, buffer[at : at + block.room])
+            part = (block, *rows.scan(at, at + size))
         except DamagedBlockError as error:
             damaged.append((block, str(error)))
         except (OSError, MemoryError) as error:
             damaged.append((block, str(error) or "not enough memory"))
         else:
-            parts.append((block, *rows.scan(at, at + size)))
+            parts.append(part)
             at += size
     return Slab(buffer, rows.found, tuple(parts), tuple(damaged))

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from replay.decoding.batch import RawBatch
+from replay.decoding.block import NoPlanError
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
 from replay.readers.fields import resolve
@@ -127,6 +128,38 @@ def test_a_length_beyond_the_end_of_its_message_is_refused_and_takes_no_memory(
     assert decoded.undecodable == 100
     assert "longer than what is left" in decoded.first_fault
     assert peak < 1e6
+
+
+@pytest.mark.parametrize("kind", ["float64", "string"])
+def test_a_definition_of_large_messages_takes_no_memory_for_small_ones(kind: str) -> None:
+    record = Record("t/msg/Large", (("all", ListOf(Scalar(kind), 2**26)), ("id", Scalar("int8"))))
+    fields = [resolve(name, record) for name in ("all[]", "id")]
+    plan = Plan(record, ros1=True, fields=fields)
+    batch = batch_of([b"some"] * 1000)
+    plan.decode(batch)  # compiles
+    tracemalloc.start()
+    decoded = plan.decode(batch)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert decoded.undecodable == 1000
+    assert peak < 1e6
+
+
+def test_messages_of_the_least_size_are_whole_beside_smaller_ones() -> None:
+    record = Record("t/msg/Pair", (("label", Scalar("string")), ("id", Scalar("int8"))))
+    plan = Plan(record, ros1=True, fields=[resolve(n, record) for n in ("label", "id")])
+    stored = [_text(b"") + b"\7", b"", _text(b"a")[:4], _text(b"a") + b"\1", _text(b"") + b"\2"]
+    decoded = plan.decode(batch_of(stored))
+    assert decoded.frame.rows() == [(0, None, "", 7), (3, None, "a", 1), (4, None, "", 2)]
+    assert decoded.undecodable == 2
+
+
+@pytest.mark.parametrize("length", [0, None])
+def test_no_plan_walks_lists_of_what_takes_no_bytes(length: int | None) -> None:
+    nothing = Record("t/msg/Nothing", (("none", ListOf(Scalar("string"), 0)),))
+    record = Record("t/msg/Many", (("many", ListOf(nothing, length)),))
+    with pytest.raises(NoPlanError, match="array of length 0"):
+        Plan(record, ros1=True, fields=[])
 
 
 def test_a_string_in_cdr_may_have_the_length_0() -> None:

@@ -5,9 +5,10 @@ import struct
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
+from numba import TypingError, njit
 
 from replay.decoding.unaligned import copy, fetch, load16, load32, load64, widened
 
@@ -51,6 +52,16 @@ def test_a_copy_touches_nothing_else(data: bytes, target: bytes, draw: st.DataOb
     out = np.array(bytearray(target))
     _copied(np.frombuffer(data, np.uint8), at, out, to, size)
     assert out.tobytes() == target[:to] + data[at : at + size] + target[to + size :]
+
+
+@pytest.mark.parametrize(
+    "data", [np.zeros(40, np.uint8)[::2], np.zeros((8, 8), np.uint8).T, np.zeros(8, np.uint64)]
+)
+def test_what_are_no_bytes_that_follow_one_another_is_refused(data: Any) -> None:
+    with pytest.raises(TypingError):
+        _loaded(data, 0)
+    with pytest.raises(TypingError):
+        _copied(np.zeros(8, np.uint8), 0, data, 0, 8)
 
 
 @settings(deadline=None)  # the first compiles

@@ -287,6 +287,28 @@ def test_a_message_of_a_crashed_bag_whose_op_is_damaged_is_missed(
     container.close()
 
 
+def test_a_chunk_of_a_bag_whose_size_takes_thousands_of_bytes_costs_itself(tmp_path: Path) -> None:
+    path = tmp_path / "shift.bag"
+    write_bag(path, DRIVE, Writer1.CompressionFormat.LZ4, 3000)
+    container = BagFile(path)
+    block = container._store._blocks[2]
+    container.close()
+    without_bag_index(path)
+    data = path.read_bytes()
+    begin = block.record_offset
+    (header,) = struct.unpack_from("<I", data, begin)
+    size = data.index(b"size=", begin)
+    fields = data[begin + 4 : size - 4] + data[size + 9 : begin + 4 + header]
+    fields += struct.pack("<I", 5 + 4000) + b"size=" + b"\xff" * 4000
+    rest = data[begin + 4 + header :]
+    path.write_bytes(data[:begin] + struct.pack("<I", len(fields)) + fields + rest)
+    container = BagFile(path)
+    assert len(stored(container)) == 200 - sum(block.counts.values())
+    (lost, _) = container.losses
+    assert "it declares 18,446,744,073,709,551,615 bytes" in lost.what
+    container.close()
+
+
 @pytest.mark.parametrize("byte", [1, 4, 6, 7])
 def test_a_chunk_of_a_crashed_bag_whose_op_is_damaged_is_missed(tmp_path: Path, byte: int) -> None:
     path = tmp_path / "shift.bag"

@@ -1,5 +1,6 @@
 """MCAP: with an index, without one, torn, damaged, and with topics that cannot be decoded."""
 
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,14 +8,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.records import Channel, Message, Schema
+from mcap.records import Channel, ChunkIndex, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 
 from estimators.errors import LogError
 from replay import open_log
+from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.mcap_file import McapFile
+from replay.readers.containers.mcap_index import indexed_times
 from tests.replay.readers.one_line import one_line_at_most
 from tests.replay.readers.stored import stored
 from tests.replay.readers.written_logs import JOINT_STATE, ROS2, Joints, write_mcap
@@ -219,6 +222,20 @@ def test_a_definition_that_is_no_text_costs_its_topic_in_one_line(
         assert problem.isprintable()
         assert len(problem) < 400
         assert problem in str(log.losses()[0])
+
+
+def test_message_indexes_that_lie_in_one_another_are_no_index(tmp_path: Path) -> None:
+    keys = range(500)
+    heads = (struct.pack("<BQHI", 7, 0, key, 16 * (len(keys) - key)) for key in keys)
+    section = b"".join(head.ljust(16) for head in heads) + bytes(15)
+    path = tmp_path / "index"
+    path.write_bytes(section)
+    file = FileBytes(path)
+    nested = ChunkIndex(0, 0, "", 0, 0, len(section), {key: 16 * key for key in keys}, 0, 0)
+    assert indexed_times(file, nested) is None
+    first = ChunkIndex(0, 0, "", 0, 0, len(section), {0: 0}, 0, 0)
+    assert indexed_times(file, first)[0].size == len(keys)
+    file.close()
 
 
 def test_large_unsigned_integers_keep_their_value(tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_a_frame_that_breaks_off_costs_itself(
     assert unpacked([frame, torn, frame]) == ([(0, content), (2, content)], 1)
 
 
-@settings(max_examples=8)
+@settings(max_examples=8, deadline=None)  # hundreds of MB
 @given(st.integers(70 * MIB, 300 * MIB), st.booleans())
 def test_a_bomb_of_any_size_costs_itself_and_bounded_memory(size: int, declared: bool) -> None:
     bomb = packed(bytes(size), declared=declared)
