@@ -29,7 +29,7 @@ def command(
     from estimators.errors import LogError
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
-    from replay.info import describe, render
+    from replay.info import describe, show
     from replay.readers import TimeAxis, open_log
 
     try:
@@ -56,7 +56,8 @@ def command(
         if as_json:
             described.append(shown.to_dict())
         else:
-            console().print(render(shown, zone), "")
+            show(shown, zone, console())
+            typer.echo()
     if as_json and described:
         print_json(described[0] if len(logs) == 1 else described)
     for error in faults[:-1]:

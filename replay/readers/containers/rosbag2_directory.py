@@ -55,6 +55,8 @@ class Rosbag2Directory:
 
     def _read_metadata(self) -> Metadata:
         names = tuple(sorted((p.name for p in storage_files(self._path)), key=_by_number))
+        # a recorder that ends while it compresses leaves both; what it compressed from is whole
+        names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
             what = (
                 "is not there, so its recorder did not end or files were left behind: what is here "
@@ -63,27 +65,45 @@ class Rosbag2Directory:
             self._losses.note(self._path / METADATA, what)
             return Metadata(names)
         try:
-            return read_metadata(self._path)
+            metadata = read_metadata(self._path)
         except MetadataError as error:
             what = f"cannot be read, files are taken by name: {error}"
             self._losses.note(self._path / METADATA, what)
             return Metadata(names)
+        self._compare_names(metadata.names, names)
+        return metadata
+
+    def _compare_names(self, named: Sequence[str], found: Sequence[str]) -> None:
+        """Say where metadata.yaml names a file twice, or leaves out one that is there."""
+        for name, times in Counter(named).items():
+            if times > 1:
+                what = f"names {name} {times:,} times; it is read once"
+                self._losses.note(self._path / METADATA, what)
+        known = {name.removesuffix(".zstd") for name in named}
+        for name in found:
+            if name.removesuffix(".zstd") not in known:
+                self._losses.note(self._path / name, f"not read: {METADATA} does not name it")
 
     def _open_parts(self, metadata: Metadata) -> tuple[Path, ...]:
         opened: list[Path] = []
         faults: list[str] = []
-        for name in metadata.names:
+        for name in dict.fromkeys(metadata.names):
             path = self._path / name
             try:
                 self._parts.append(self._open_part(path))
                 opened.append(path)
             except (LogError, OSError) as error:
-                faults.append(str(error))
-                self._losses.note(path, f"not read: {error}")
+                # a file that was unpacked is known by the name that it has here
+                fault = str(getattr(error, "strerror", None) or error).replace(
+                    f"{self._scratch.name}/", ""
+                )
+                faults.append(fault)
+                self._losses.note(path, f"not read: {fault}")
         if not self._parts:
+            told = [str(loss) for loss in self._losses] or faults
             raise LogError(
                 f"{self._path}: none of its bag files can be read: "
-                f"{'; '.join(faults) or 'there is none'}"
+                f"{'; '.join(told) or 'there is none'}"
             )
         yaml = self._path / METADATA
         return (yaml, *opened) if yaml.exists() else tuple(opened)
