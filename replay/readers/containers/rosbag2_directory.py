@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -27,6 +27,8 @@ from replay.readers.containers.rosbag2_metadata import (
 )
 from replay.readers.containers.zstd import unpack_file, unpack_messages
 
+#: Parts of a split recording may reach into each other by as much.
+_OVERLAP_NS: Final = 1_000_000_000
 _STORAGE: Final[dict[str, Callable[[Path], Container]]] = {".mcap": McapFile, ".db3": Db3File}
 
 
@@ -187,6 +189,7 @@ class Rosbag2Directory:
         if self._is_compared:
             return
         self._is_compared = True
+        self._compare_times()
         held: Counter[str] = Counter()
         for connection, (part_number, inner) in zip(self.connections, self._origin, strict=False):
             held[connection.topic] += self._parts[part_number].log_times(inner).size
@@ -202,6 +205,21 @@ class Rosbag2Directory:
             self._losses.note(
                 self._path / METADATA, f"counts {counted:,} messages in all, {total:,} are there"
             )
+
+    def _compare_times(self) -> None:
+        """Say which files hold the same time: parts of one recording follow each other."""
+        spans: list[tuple[int, int, str]] = []
+        for part in self._parts:
+            times = np.concatenate([no_times(), *(part.log_times(c.id) for c in part.connections)])
+            if times.size:
+                spans.append((int(times.min()), int(times.max()), part.files[0].name))
+        for (_, end, first), (start, _, second) in pairwise(sorted(spans)):
+            if end - start > _OVERLAP_NS:
+                self._losses.note(
+                    self._path / second,
+                    f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may be no "
+                    "parts of one recording: what both hold counts twice; name one of them alone",
+                )
 
     def check(self) -> int:
         """Check every file."""

@@ -100,6 +100,18 @@ def test_a_file_that_metadata_leaves_out_is_a_loss(split: Path) -> None:
     assert str(loss) == "shift_10.mcap: not read: metadata.yaml does not name it"
 
 
+def test_logs_of_one_time_in_a_folder_are_told_to_be_no_parts_of_one_recording(
+    tmp_path: Path,
+) -> None:
+    for name in ("a.mcap", "b.mcap"):
+        write_mcap(tmp_path / name, [Joints(k * 10**9, {"left": 1.0}) for k in range(5)])
+    log = open_log(tmp_path)
+    assert log.topics()["messages"].to_list() == [10]
+    assert [str(loss) for loss in log.losses()][1].startswith(
+        "b.mcap: begins 4.000 s before a.mcap ends"
+    )
+
+
 def test_of_a_file_and_its_compressed_copy_one_is_read(split: Path) -> None:
     (split / "shift_8.mcap.zstd").write_bytes(b"the recorder ended while it wrote this")
     log = open_log(split)
