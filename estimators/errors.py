@@ -51,6 +51,11 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "�" for c in text)
 
 
+def counted(number: int, thing: str) -> str:
+    """So many of a thing whose plural takes an s."""
+    return f"{number:,} {thing}{'' if number == 1 else 's'}"
+
+
 def nearest(word: str, choices: Iterable[str]) -> str:
     """Say which of `choices` was probably meant by `word`, or list them all."""
     known = sorted(choices)

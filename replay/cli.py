@@ -52,6 +52,7 @@ def _version(
 
 def main() -> None:
     """Run the command line and leave with its exit status."""
+    _open_closed_streams()
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _leave)
     try:
@@ -76,6 +77,17 @@ def main() -> None:
         _close_stdout()
         status = _fail(f"{error.filename or 'stdout'}: {error.strerror or error}")
     sys.exit(status or 0)
+
+
+def _open_closed_streams() -> None:
+    """Started with `>&-`, Python has no stdout at all, and the next file would get its number."""
+    for name, flag, mode in (
+        ("stdin", os.O_RDONLY, "r"),
+        ("stdout", os.O_WRONLY, "w"),
+        ("stderr", os.O_WRONLY, "w"),
+    ):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, flag), mode, encoding="utf-8"))
 
 
 def _leave(number: int, _frame: FrameType | None) -> None:

@@ -5,17 +5,20 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from datetime import datetime, tzinfo
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
 
 from analysis.run import Loss
 from analysis.stamps import FIRST_DATE_NS
+from estimators.errors import counted, one_line
 from replay.readers import Checked, Log, format_name
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
+    from rich.console import Console
     from rich.table import Table
+
+_NO_CRC: Final = "no CRC to compare"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,14 +94,17 @@ def describe(log: Log, *, check: bool = False) -> LogInfo:
     )
 
 
-def render(info: LogInfo, zone: tzinfo) -> "RenderableType":
-    """Lay a log's description out for a terminal, its start in local time of `zone`."""
-    from rich.console import Group
-    from rich.markup import escape
+def show(info: LogInfo, zone: tzinfo, screen: "Console") -> None:
+    """Print a log's description, its start in local time of `zone`."""
+    from replay.commands.printing import print_line, print_table
 
-    lines = [escape(line) for line in _head(info, zone)]
-    troubles = [f"[yellow]![/] {escape(line)}" for line in _troubles(info)]
-    return Group(*lines, _topic_table(info), *_verdict(info), *troubles)
+    for line in _head(info, zone):
+        print_line(screen, line)
+    print_table(screen, _topic_table(info))
+    for mark, line in _verdict(info):
+        print_line(screen, line, mark)
+    for line in _troubles(info):
+        print_line(screen, line, "[yellow]![/] ")
 
 
 def _head(info: LogInfo, zone: tzinfo) -> Iterator[str]:
@@ -106,11 +112,12 @@ def _head(info: LogInfo, zone: tzinfo) -> Iterator[str]:
     if info.start_ns is None or info.duration_s is None:
         yield "no messages"
         return
-    yield f"from {_when(info.start_ns, zone)}, {info.duration_s:,.3f} s, {info.messages:,} messages"
+    count = counted(info.messages, "message")
+    yield f"from {_when(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
 
 
-def _verdict(info: LogInfo) -> Iterator[str]:
-    """What a check found, in a line that no log has which was not checked."""
+def _verdict(info: LogInfo) -> Iterator[tuple[str, str]]:
+    """What a check found, in a line (mark and text) that no log has which was not checked."""
     if info.checked is None:
         return
     found, done = (
@@ -118,10 +125,12 @@ def _verdict(info: LogInfo) -> Iterator[str]:
         if info.is_whole
         else ("[red]checked and not whole[/]", "read")
     )
-    crcs = f"{info.checked.crcs:,} CRCs agree" if info.checked.crcs else "no CRC to compare"
+    agree = "agrees" if info.checked.crcs == 1 else "agree"
+    crcs = f"{counted(info.checked.crcs, 'CRC')} {agree}" if info.checked.crcs else _NO_CRC
     yield (
-        f"{found}: {info.checked.messages:,} messages ({info.checked.message_bytes / 1e6:,.3f} MB) "
-        f"{done}, {crcs}, in {info.check_s:.2f} s"
+        found,
+        f": {counted(info.checked.messages, 'message')} "
+        f"({info.checked.message_bytes / 1e6:,.3f} MB) {done}, {crcs}, in {info.check_s:.2f} s",
     )
 
 
@@ -144,8 +153,8 @@ def _topic_table(info: LogInfo) -> "Table":
         table.add_column(title, justify="right", no_wrap=True)
     for row in info.topics.iter_rows(named=True):
         table.add_row(
-            escape(row["topic"]),
-            escape(row["type"]),
+            escape(one_line(row["topic"])),
+            escape(one_line(row["type"])),
             f"{row['messages']:,}",
             _seconds(row["start_ns"], info.start_ns),
             _seconds(row["end_ns"], info.start_ns),
@@ -158,7 +167,9 @@ def _topic_table(info: LogInfo) -> "Table":
 def _troubles(info: LogInfo) -> Iterator[str]:
     told = {loss.topic for loss in info.losses}
     for loss in info.losses:
-        yield f"{loss.topic or loss.source}: {loss.what}"
+        # whose topic it is needs no saying but of a part of a log
+        is_of_log = bool(loss.topic) and loss.source == info.path.name
+        yield f"{loss.topic}: {loss.what}" if is_of_log else str(loss)
     for row in info.topics.iter_rows(named=True):
         if row["problem"] and row["topic"] not in told:
             yield f"{row['topic']} (no messages): {row['problem']}"

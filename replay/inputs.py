@@ -54,7 +54,9 @@ def read_channels(
         if not any(topic in topics for topics in has.values()):
             fault = _unknown_topic(topic, has, machine)
             if topic not in hints:
-                raise LogError(f"{', '.join(str(log.path) for log in logs)}: {fault}")
+                damage = [f" It is damaged: {loss}" for log in logs for loss in log.losses()]
+                names = ", ".join(str(log.path) for log in logs)
+                raise LogError(f"{names}: {fault}{''.join(damage[:1])}")
             losses += [Loss(source=log.path.name, what=fault) for log in logs]
             del wanted[topic]
             continue

@@ -29,8 +29,9 @@ def command(
     from estimators.errors import LogError
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
-    from replay.info import describe, render
-    from replay.readers import TimeAxis, open_log
+    from replay.commands.table_time import time_axis_of
+    from replay.info import describe, show
+    from replay.readers import open_log
 
     try:
         zone = ZoneInfo(timezone)
@@ -38,13 +39,14 @@ def command(
         raise typer.BadParameter(
             f"no time zone '{timezone}'; use a name like America/Santiago or UTC"
         ) from None
+    axis = time_axis_of(time, time_unit)
     described: list[object] = []
     faults: list[LogError] = []
     is_whole = True
     for path in logs:
         try:
             with (
-                open_log(path, time=TimeAxis(time, time_unit) if time else None) as log,
+                open_log(path, time=axis) as log,
                 Stages(total=1) if check else nullcontext(),
             ):
                 shown = describe(log, check=check)
@@ -56,7 +58,8 @@ def command(
         if as_json:
             described.append(shown.to_dict())
         else:
-            console().print(render(shown, zone), "")
+            show(shown, zone, console())
+            typer.echo()
     if as_json and described:
         print_json(described[0] if len(logs) == 1 else described)
     for error in faults[:-1]:

@@ -15,10 +15,11 @@ def command(
 ) -> None:
     """Write a first machine file from what a log holds, to be checked and completed by hand."""
     from recordings.output import keep_apart, whole_file
+    from replay.commands.table_time import time_axis_of
     from replay.guess import machine_file
-    from replay.readers import TimeAxis, open_log
+    from replay.readers import open_log
 
-    axis = TimeAxis(time, time_unit) if time else None
+    axis = time_axis_of(time, time_unit)
     with open_log(log, time=axis) as opened:
         keep_apart(output, opened.files)
         text, lacking = machine_file(opened, axis)

@@ -6,10 +6,16 @@ from typing import Any
 
 import typer
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
+from rich.text import Text
+
+from estimators.errors import one_line
 
 #: Whoever pipes a table has no screen to keep to.
 _PIPED_WIDTH = 160
+#: Below it, a table has no room left for its numbers.
+_NARROWEST = 80
 
 
 def console() -> Console:
@@ -25,6 +31,22 @@ def plain_table(*titles: str) -> Table:
         # what a row is about stays whole on a narrow screen
         table.add_column(title, justify="right" if i else "left", no_wrap=not i)
     return table
+
+
+def print_line(screen: Console, line: str, mark: str = "") -> None:
+    """Print one line as it is, which the screen alone may break, behind a mark in markup."""
+    screen.print(Text.from_markup(mark) + Text(one_line(line)), soft_wrap=True)
+
+
+def print_table(screen: Console, table: Table) -> None:
+    """Print a table; on a screen of less than 80 columns its rows run over, and nothing is cut."""
+    roomy = screen.options.update(max_width=_NARROWEST)
+    width = screen.width
+    screen.width = max(width, Measurement.get(screen, roomy, table).maximum)
+    try:
+        screen.print(table)
+    finally:
+        screen.width = width
 
 
 def print_json(value: Any) -> None:

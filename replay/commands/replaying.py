@@ -13,7 +13,7 @@ from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
 from recordings.planar_text import planar_lines
 from recordings.viewer import start_viewer
-from replay.commands.printing import console, plain_table, print_json
+from replay.commands.printing import console, plain_table, print_json, print_line, print_table
 from replay.commands.progress import Stages
 from replay.machine import load_machine, time_axis
 from replay.pipeline import run
@@ -66,13 +66,13 @@ def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
     screen = console()
     weighs = answer["verdict"]["can_weigh"]
     if weighs or answer["verdict"]["tells_inertia"]:
-        screen.print(_totals(answer))
+        print_table(screen, _totals(answer))
     for line in planar_lines(answer["planar"]):
         screen.print(line, markup=False)
     for loss in answer["losses"]:
-        screen.print(f"lost: {Loss(**loss)}", markup=False)
+        print_line(screen, f"lost: {Loss(**loss)}")
     for note in answer["notes"]:
-        screen.print(f"note: {note}", markup=False)
+        print_line(screen, f"note: {note}")
     checks = answer["verdict"]["checks"]
     failed = [c for c in checks if c["passed"] is False and c["about"] == "mass"]
     lost = [c for c in checks if c["passed"] is False and c["about"] == "inertia"]
@@ -82,12 +82,12 @@ def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
         screen.print(f"This log can weigh: {which} passed, {share:.0%} of it was used.")
     else:
         screen.print("This log cannot weigh, so the mass is withheld. Failed:")
-    screen.print(_checks([*failed, *lost] if not weighs else checks))
+    print_table(screen, _checks([*failed, *lost] if not weighs else checks))
     spins = any(check["about"] == "inertia" for check in checks)
     if spins and not answer["verdict"]["tells_inertia"]:
         screen.print("The spins tell no inertia: it is withheld.")
     if answer["recording"]:
-        screen.print(f"recording: {answer['recording']}", markup=False, soft_wrap=True)
+        print_line(screen, f"recording: {answer['recording']}")
 
 
 _OF_MASS = {

@@ -12,7 +12,7 @@ from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
 from recordings.output import check_output, keep_apart
-from replay.commands.printing import console, json_text, plain_table
+from replay.commands.printing import console, json_text, plain_table, print_line, print_table
 from replay.commands.tables import format_of, print_frame
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
@@ -22,7 +22,7 @@ _NO_LIMIT = 10_000
 
 
 def list_stages(recording: Path, *, as_json: bool) -> None:
-    """Print the recording's stages with their columns."""
+    """Print the recording's stages with their columns, and what was lost on the way to them."""
     held = stages(recording)
     if as_json:
         typer.echo(json_text(held))
@@ -32,7 +32,13 @@ def list_stages(recording: Path, *, as_json: bool) -> None:
     for name, columns in held.items():
         # effort[left] is no markup
         table.add_row(escape(name), escape(" ".join(columns)))
-    console().print(table)
+    screen = console()
+    print_table(screen, table)
+    provenance = read_provenance(recording)
+    for loss in provenance.losses:
+        print_line(screen, f"lost: {loss}")
+    for note in provenance.notes:
+        print_line(screen, f"note: {note}")
 
 
 def show_stage(

@@ -144,6 +144,8 @@ def _released(name: str) -> Typestore:
         store = get_typestore(release)
         if name in store.fielddefs:
             return store
+    if not name:
+        raise DefinitionError("the log does not say of what type its messages are")
     raise DefinitionError(
         f"the log carries no definition of {name}, and no ROS 2 release knows the type; "
         "record it with ROS 2 Iron or newer, which stores definitions"

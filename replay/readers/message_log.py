@@ -117,7 +117,7 @@ class MessageLog(BaseLog):
         assert kind is not None, "it was read"
         if tally.undecodable and not tally.rows:
             raise LogError(
-                f"{self.path}: topic '{topic}' cannot be read: none of its {tally.undecodable} "
+                f"{self.path}: topic '{topic}' cannot be read: none of its {tally.undecodable:,} "
                 f"messages fits the definition of {kind.record.name}: {tally.first_fault}"
             )
         self._note(topic, tally)
@@ -127,7 +127,8 @@ class MessageLog(BaseLog):
             total = tally.rows + tally.undecodable
             self._read_losses.note(
                 self.path,
-                f"{tally.undecodable} of {total} messages cannot be decoded: {tally.first_fault}",
+                f"{tally.undecodable:,} of {total:,} messages cannot be decoded: "
+                f"{tally.first_fault}",
                 topic,
             )
 

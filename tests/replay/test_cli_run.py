@@ -113,6 +113,7 @@ class TestRun:
         one_line(payscope("run", holed, "-m", machine_file, "-o", out, "--strict"), "--strict")
         assert not out.exists()
         assert payscope("run", holed, "-m", machine_file, "-o", out).status == 0
+        assert "lost: " in payscope("show", out).out
 
     def test_strict_refuses_a_log_that_was_torn_in_the_middle_of_a_row(
         self, payscope: Payscope, machine_file: Path, log: Path

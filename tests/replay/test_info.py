@@ -9,15 +9,15 @@ from rich.console import Console
 
 from estimators.errors import LogError
 from replay import open_log
-from replay.info import LogInfo, describe, render
+from replay.info import LogInfo, describe, show
 
 SANTIAGO = ZoneInfo("America/Santiago")
 
 
-def shown(info: LogInfo) -> str:
-    console = Console(width=200, color_system=None)
+def shown(info: LogInfo, width: int = 200) -> str:
+    console = Console(width=width, color_system=None)
     with console.capture() as capture:
-        console.print(render(info, SANTIAGO))
+        show(info, SANTIAGO, console)
     return capture.get()
 
 
@@ -67,3 +67,29 @@ def test_a_table_is_described_with_its_rate_gap_and_damage(tmp_path: Path) -> No
     info = describe(open_log(tmp_path / "shift.csv"))
     assert info.topics["longest_gap_s"].to_list() == pytest.approx([3.0])
     assert "! shift.csv: 1 of 4 rows have no time: dropped" in shown(info)
+
+
+def test_a_narrow_screen_cuts_no_topic_and_no_number(shared_data: Path) -> None:
+    lines = shown(describe(open_log(shared_data / "logs/husky_asphalt.bag")), width=40)
+    assert "…" not in lines
+    assert all(word in lines for word in ("/imu/data", "5,186", "51.850", "0.1538"))
+
+
+def test_one_of_a_thing_is_singular(tmp_path: Path) -> None:
+    (tmp_path / "shift.csv").write_text("time_s,a\n0,1\n")
+    assert "0.000 s, 1 message\n" in shown(describe(open_log(tmp_path / "shift.csv")))
+
+
+def test_names_of_strangers_steer_no_terminal_and_break_no_line(tmp_path: Path) -> None:
+    path = tmp_path / "a\n\x1b[31mshift.csv"
+    path.write_text("time_s,a\n0,1\n,2\n")
+    text = shown(describe(open_log(path)))
+    assert "\x1b" not in text
+    assert "a �[31mshift.csv: CSV table" in text
+
+
+def test_each_loss_is_one_line_however_long_it_is(tmp_path: Path) -> None:
+    path = tmp_path / f"{'long' * 50}.csv"
+    path.write_text("time_s,a\n0,1\n,2\n")
+    text = shown(describe(open_log(path)))
+    assert f"! {path.name}: 1 of 2 rows have no time: dropped\n" in text

@@ -150,3 +150,14 @@ def test_a_hint_whose_topic_is_missing_or_empty_is_a_loss_and_stops_nothing(
     ]
     without = run(open_log(tmp_path / "shift.csv"), plain)
     assert result.frames["masses"].equals(without.frames["masses"])
+
+
+def test_a_topic_that_a_damaged_log_does_not_have_is_told_with_the_damage(
+    tmp_path: Path, machine_file: Path
+) -> None:
+    log = tmp_path / "torn.mcap"
+    write_mcap(log, [Joints(1000, {"slide": 1.0})])
+    log.write_bytes(log.read_bytes()[:20])
+    machine = load_machine(machine_file, ["channels.force_x_N.topic=/drive"])
+    with pytest.raises(LogError, match=r"no topic '/drive'.* It is damaged: torn.mcap: breaks off"):
+        read_channels([open_log(log)], machine)

@@ -105,3 +105,21 @@ def test_ended_in_the_middle_it_leaves_no_half_file(tmp_path: Path, number: sign
         assert demo.stderr.read() == b""
     assert demo.returncode == 128 + number
     assert not list(folder.glob(".payscope-*"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell is needed")
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_streams_that_are_closed_from_the_beginning_are_no_fault(
+    log: Path, machine_file: Path, tmp_path: Path, closed: str
+) -> None:
+    out = tmp_path / "out.rrd"
+    left = subprocess.run(
+        ["sh", "-c", f'"$@" {closed}', "sh", SCRIPT, "run", log, "-m", machine_file, "-o", out],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert left.returncode == 0
+    assert "Traceback" not in left.stderr
+    assert out.exists()

@@ -16,6 +16,7 @@ from replay.readers.containers.bag_records import (
 from replay.readers.containers.bag_walk import Walk
 from replay.readers.containers.block import Block
 from replay.readers.containers.block_file import BlockFile
+from replay.readers.containers.damage import torn_end, until
 from replay.readers.containers.records import Grammar
 
 
@@ -93,12 +94,9 @@ class BagFile(BlockFile):
         self._store.survey(walk.chunks())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
         why = "its recorder did not end" if position == bytes(8) else "its index is damaged"
-        last_ns = self._store.last_ns
-        until = "" if last_ns is None else f", the last at log time {last_ns} ns"
-        lost = self._file.size - walk.whole
+        torn = torn_end(self._file.size - walk.whole, self._store.torn_messages)
         damage.note(
-            f"{why}: read from start to end, every whole message{until}; {lost:,} bytes at the end "
-            "are lost or of a torn record"
+            f"{why}: read from start to end, every whole message{until(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

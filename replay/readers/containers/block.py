@@ -11,6 +11,10 @@ from replay.readers.containers.file_bytes import FileBytes
 
 #: No chunk may declare more: recorders write about 1 MB, and a declared size costs nothing to lie.
 LARGEST_BYTES: Final = 2**30
+#: Beyond this size no chunk may declare more than so many times what is stored of it: images that
+#: are all black are packed a thousandfold, a bomb thirty thousandfold.
+_ANY_BYTES: Final = 64 * 2**20
+_MOST_GROWTH: Final = 2000
 #: What a torn chunk of unknown size is given room for, in multiples of what is stored of it.
 _TORN_RATIO: Final = 64
 _TORN_STEP: Final = 65_536
@@ -67,6 +71,10 @@ def unpack(block: Block, file: FileBytes, target: NDArray[np.uint8]) -> int:
     if block.room > LARGEST_BYTES:
         raise DamagedBlockError(
             f"it declares {block.room:,} bytes, more than the {LARGEST_BYTES:,} believed"
+        )
+    if block.room > max(_ANY_BYTES, _MOST_GROWTH * block.stored_bytes):
+        raise DamagedBlockError(
+            f"it declares {block.room:,} bytes, more than {_MOST_GROWTH:,} times what is stored"
         )
     if not block.compression:
         done = file.read_into(block.offset, target)

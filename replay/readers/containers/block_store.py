@@ -65,6 +65,11 @@ class BlockStore:
         return sum(sum(block.counts.values()) for block in self._blocks)
 
     @property
+    def torn_messages(self) -> int:
+        """Messages in the block that the end of the file tears."""
+        return sum(sum(block.counts.values()) for block in self._blocks if block.is_torn)
+
+    @property
     def crcs(self) -> int:
         """CRCs that were compared so far and agree."""
         return len(self._sealed)

@@ -83,7 +83,7 @@ class Damage:
             size = sum(end - start for start, end in self._gaps.items())
             yield (
                 f"{size:,} bytes cannot be read, in {len(self._gaps)} "
-                f"{'place' if len(self._gaps) == 1 else 'places'}, the first at byte "
+                f"{'place' if len(self._gaps) == 1 else 'places, the first'} at byte "
                 f"{min(self._gaps)}; what stands behind is read"
             )
 
@@ -91,6 +91,30 @@ class Damage:
         more = len(self._sentences) - _MOST_SENTENCES
         if more > 0:
             yield f"{more:,} more places are damaged like these"
+
+
+def in_seconds(log_time_ns: int) -> str:
+    """A log time as `info` writes the start of a log; to the ns, since it may be looked for."""
+    return f"{log_time_ns // 10**9}.{log_time_ns % 10**9:09} s"
+
+
+def until(last_ns: int | None) -> str:
+    """Up to where everything is read, as a part of a sentence."""
+    return "" if last_ns is None else f", the last at log time {in_seconds(last_ns)}"
+
+
+def torn_end(size: int, messages: int) -> str:
+    """What stands behind the last whole record, as a part of a sentence.
+
+    Args:
+        size: its bytes.
+        messages: that were read of a torn chunk there.
+    """
+    if messages:
+        return (
+            f"; the last {size:,} bytes are a torn chunk, of which {messages:,} messages are read"
+        )
+    return f"; {size:,} bytes at the end are lost or of a torn record" if size else ""
 
 
 def _held(blocks: list[Block], topics: Mapping[int, str]) -> str:
@@ -105,7 +129,7 @@ def _held(blocks: list[Block], topics: Mapping[int, str]) -> str:
     if not timed:
         return f"lost: {listed}" if listed else "nothing tells how many messages it held"
     first, last = min(b.first_ns for b in timed), max(b.last_ns for b in timed)
-    span = f"from log time {first} ns, {(last - first) / 1e9:.3f} s"
+    span = f"from log time {in_seconds(first)}, {(last - first) / 1e9:.3f} s"
     return (
         f"lost {span}: {listed}" if listed else f"it held messages {span}; nothing tells how many"
     )

@@ -19,6 +19,7 @@ from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME
 from replay.readers.containers.sqlite_pages import HEADER_BYTES, MAGIC
 from replay.readers.containers.sqlite_rows import FAULTS
 from replay.readers.containers.sqlite_table import MessageTable
+from replay.readers.containers.sqlite_wal import unclosed_bytes
 
 
 class Db3File:
@@ -36,7 +37,14 @@ class Db3File:
                 raise LogError(f"{path}: not a rosbag2 .db3 file; it is no SQLite database")
             if tear := _tear(head, file.size):
                 self._damage.note(tear)
-            self._database = _connect(path)
+            journal = path.with_name(f"{path.name}-wal")
+            unfinished = journal.exists() and journal.stat().st_size > 0
+            if unfinished and (unclosed := unclosed_bytes(journal)):
+                self._damage.note(
+                    f"its recorder did not end: the last {unclosed:,} bytes of {journal.name} are "
+                    "messages that it never committed, and are not read"
+                )
+            self._database = _connect(path, unfinished=unfinished)
             opened.callback(self._database.close)
             try:
                 self.connections: tuple[Connection, ...] = self._connections()
@@ -141,14 +149,14 @@ def _tear(head: bytes, size: int) -> str | None:
     pages = int.from_bytes(head[28:32], "big") if head[24:28] == head[92:96] else 0
     if not page or not (size % page or pages * page > size):
         return None
+    if pages and size > pages * page:
+        return f"has {size - pages * page:,} bytes behind its last page, which are not read"
     unsure = ", and its last page is torn: what stood there may be altered" if size % page else ""
     return f"breaks off after byte {size:,} of {max(pages * page, size):,}{unsure}"
 
 
-def _connect(path: Path) -> sqlite3.Connection:
+def _connect(path: Path, *, unfinished: bool) -> sqlite3.Connection:
     # immutable reads files on read-only media, but is blind to messages still in a -wal file
-    journal = path.with_name(f"{path.name}-wal")
-    unfinished = journal.exists() and journal.stat().st_size > 0
     mode = "mode=ro" if unfinished else "mode=ro&immutable=1"
     try:
         database = sqlite3.connect(

@@ -11,6 +11,7 @@ from estimators.errors import LogError
 from replay.readers.container import BROKEN_BYTES, Connection
 from replay.readers.containers.block import Block
 from replay.readers.containers.block_file import BlockFile
+from replay.readers.containers.damage import torn_end, until
 from replay.readers.containers.mcap_index import (
     Summary,
     chunk_block,
@@ -50,7 +51,9 @@ class McapFile(BlockFile):
             walk = self._walk()
             said = walk.message_count if said is None else said
         found = self._store.message_count
-        if said not in (None, found) and not self._store.damage:
+        # where every damaged chunk tells how many messages it held, that is said with it
+        told = self._store.damage.lost_messages or 0
+        if said not in (None, found + told):
             self._store.damage.note(f"its statistics count {said:,} messages, {found:,} are there")
         if walk is not None:
             self._judge_end(walk, summary.fault)
@@ -122,11 +125,11 @@ class McapFile(BlockFile):
                     "read from start to end"
                 )
             return
-        size, last_ns = self._file.size, self._store.last_ns
-        until = "" if last_ns is None else f", the last at log time {last_ns} ns"
+        size = self._file.size
+        torn = torn_end(size - walk.whole, self._store.torn_messages)
         self._store.damage.note(
             f"breaks off after byte {walk.whole} of {size}, without a footer: every whole message "
-            f"is read{until}; {size - walk.whole:,} bytes are lost or of a torn record"
+            f"is read{until(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
@@ -27,6 +27,8 @@ from replay.readers.containers.rosbag2_metadata import (
 )
 from replay.readers.containers.zstd import unpack_file, unpack_messages
 
+#: Parts of a split recording may reach into each other by as much.
+_OVERLAP_NS: Final = 1_000_000_000
 _STORAGE: Final[dict[str, Callable[[Path], Container]]] = {".mcap": McapFile, ".db3": Db3File}
 
 
@@ -55,6 +57,8 @@ class Rosbag2Directory:
 
     def _read_metadata(self) -> Metadata:
         names = tuple(sorted((p.name for p in storage_files(self._path)), key=_by_number))
+        # a recorder that ends while it compresses leaves both; what it compressed from is whole
+        names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
             what = (
                 "is not there, so its recorder did not end or files were left behind: what is here "
@@ -63,27 +67,45 @@ class Rosbag2Directory:
             self._losses.note(self._path / METADATA, what)
             return Metadata(names)
         try:
-            return read_metadata(self._path)
+            metadata = read_metadata(self._path)
         except MetadataError as error:
             what = f"cannot be read, files are taken by name: {error}"
             self._losses.note(self._path / METADATA, what)
             return Metadata(names)
+        self._compare_names(metadata.names, names)
+        return metadata
+
+    def _compare_names(self, named: Sequence[str], found: Sequence[str]) -> None:
+        """Say where metadata.yaml names a file twice, or leaves out one that is there."""
+        for name, times in Counter(named).items():
+            if times > 1:
+                what = f"names {name} {times:,} times; it is read once"
+                self._losses.note(self._path / METADATA, what)
+        known = {name.removesuffix(".zstd") for name in named}
+        for name in found:
+            if name.removesuffix(".zstd") not in known:
+                self._losses.note(self._path / name, f"not read: {METADATA} does not name it")
 
     def _open_parts(self, metadata: Metadata) -> tuple[Path, ...]:
         opened: list[Path] = []
         faults: list[str] = []
-        for name in metadata.names:
+        for name in dict.fromkeys(metadata.names):
             path = self._path / name
             try:
                 self._parts.append(self._open_part(path))
                 opened.append(path)
             except (LogError, OSError) as error:
-                faults.append(str(error))
-                self._losses.note(path, f"not read: {error}")
+                # a file that was unpacked is known by the name that it has here
+                fault = str(getattr(error, "strerror", None) or error).replace(
+                    f"{self._scratch.name}/", ""
+                )
+                faults.append(fault)
+                self._losses.note(path, f"not read: {fault}")
         if not self._parts:
+            told = [str(loss) for loss in self._losses] or faults
             raise LogError(
                 f"{self._path}: none of its bag files can be read: "
-                f"{'; '.join(faults) or 'there is none'}"
+                f"{'; '.join(told) or 'there is none'}"
             )
         yaml = self._path / METADATA
         return (yaml, *opened) if yaml.exists() else tuple(opened)
@@ -167,6 +189,7 @@ class Rosbag2Directory:
         if self._is_compared:
             return
         self._is_compared = True
+        self._compare_times()
         held: Counter[str] = Counter()
         for connection, (part_number, inner) in zip(self.connections, self._origin, strict=False):
             held[connection.topic] += self._parts[part_number].log_times(inner).size
@@ -182,6 +205,21 @@ class Rosbag2Directory:
             self._losses.note(
                 self._path / METADATA, f"counts {counted:,} messages in all, {total:,} are there"
             )
+
+    def _compare_times(self) -> None:
+        """Say which files hold the same time: parts of one recording follow each other."""
+        spans: list[tuple[int, int, str]] = []
+        for part in self._parts:
+            times = np.concatenate([no_times(), *(part.log_times(c.id) for c in part.connections)])
+            if times.size:
+                spans.append((int(times.min()), int(times.max()), part.files[0].name))
+        for (_, end, first), (start, _, second) in pairwise(sorted(spans)):
+            if end - start > _OVERLAP_NS:
+                self._losses.note(
+                    self._path / second,
+                    f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may be no "
+                    "parts of one recording: what both hold counts twice; name one of them alone",
+                )
 
     def check(self) -> int:
         """Check every file."""

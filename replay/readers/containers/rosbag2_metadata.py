@@ -5,7 +5,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Final
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from estimators.errors import LogError
 from replay.readers.container import BROKEN_BYTES
@@ -50,13 +50,27 @@ def read_metadata(folder: Path) -> Metadata:
             zstd.
     """
     path = folder / METADATA
+    if not path.is_file():  # a pipe would be waited for
+        raise MetadataError("it is no file")
     if path.stat().st_size > _LARGEST_BYTES:
         raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
     try:
         content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
         return _parse(content["rosbag2_bagfile_information"], folder)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = "" if mark is None else f" in line {mark.line + 1}"
+        raise MetadataError(f"{error.problem or error.context}{where}") from error
+    except RecursionError as error:
+        raise MetadataError("it is nested too deeply") from error
+    except UnicodeError as error:
+        raise MetadataError("it is no UTF-8 text") from error
+    except KeyError as error:
+        raise MetadataError(f"it has no {error.args[0]}") from error
+    except OSError as error:
+        raise MetadataError(error.strerror or str(error)) from error
     except (YAMLError, AttributeError, *BROKEN_BYTES) as error:
-        raise MetadataError(" ".join(str(error).split())) from error
+        raise MetadataError("it is not laid out as rosbag2 does") from error
 
 
 def _parse(information: dict[str, Any], folder: Path) -> Metadata:

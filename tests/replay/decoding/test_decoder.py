@@ -17,7 +17,7 @@ from replay.decoding.decoder import decoder_name, make_decoder, schema_of
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
 from replay.decoding.stream import Stream, take_all
-from replay.info import describe, render
+from replay.info import describe, show
 from replay.readers.container import Connection
 from replay.readers.definitions import compile_type
 from replay.readers.fields import resolve
@@ -67,7 +67,7 @@ def test_a_type_without_a_plan_is_read_by_rosbags_and_info_says_so(tmp_path: Pat
         assert log.losses() == ()
         console = Console(width=200, color_system=None)
         with console.capture() as capture:
-            console.print(render(describe(log), UTC))
+            show(describe(log), UTC, console)
     assert "! /long: read message by message with rosbags, which is slow" in capture.get()
 
 

@@ -1,5 +1,6 @@
 """rosbag2's SQLite files without their directory."""
 
+import contextlib
 import sqlite3
 from pathlib import Path
 
@@ -63,6 +64,44 @@ def test_messages_still_in_the_write_ahead_log_are_read(tmp_path: Path) -> None:
     with open_log(path) as log:
         assert log.topics()["messages"].to_list() == [6]
     database.close()
+
+
+def test_messages_that_no_commit_closes_are_a_loss(tmp_path: Path) -> None:
+    path, journal = tmp_path / "live.db3", tmp_path / "live.db3-wal"
+    write_db3(path, DRIVE[:3])
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("PRAGMA wal_autocheckpoint = 0")
+        sizes = [0]
+        for _ in range(2):
+            database.execute(
+                "INSERT INTO messages (topic_id, timestamp, data)"
+                " SELECT topic_id, 9999, zeroblob(9000) FROM messages"
+            )
+            database.commit()
+            sizes.append(journal.stat().st_size)
+        copies = {p.name: p.read_bytes() for p in (path, journal)}
+    crashed = tmp_path / "crashed"
+    crashed.mkdir()
+    for cut, losses in ((sizes[2], 0), (sizes[2] - 1, 1), (sizes[1] + 10, 1), (sizes[1], 0)):
+        (crashed / path.name).write_bytes(copies[path.name])
+        (crashed / journal.name).write_bytes(copies[journal.name][:cut])
+        with open_log(crashed / path.name) as log:
+            assert log.topics()["messages"].to_list() == [12 if cut == sizes[2] else 6]
+            assert len(log.losses()) == losses
+            for loss in log.losses():
+                assert f"the last {cut - sizes[1]:,} bytes of live.db3-wal" in loss.what
+
+
+def test_bytes_behind_the_last_page_are_told_as_what_they_are(tmp_path: Path) -> None:
+    path = tmp_path / "shift.db3"
+    write_db3(path, DRIVE[:3])
+    path.write_bytes(path.read_bytes() + b"junk")
+    with open_log(path) as log:
+        assert log.topics()["messages"].to_list() == [3]
+        assert [loss.what for loss in log.losses()] == [
+            "has 4 bytes behind its last page, which are not read"
+        ]
 
 
 def test_a_database_that_is_no_bag_is_refused(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -71,7 +72,7 @@ def test_a_file_torn_anywhere_keeps_every_complete_chunk_and_states_the_tear(
         assert topics["messages"].to_list() == [len(times)]
         *_, loss = log.losses()
         behind_the_data = "torn or damaged behind its data" in loss.what
-        assert ("bytes are lost" in loss.what) != behind_the_data
+        assert ("without a footer" in loss.what) != behind_the_data
         assert len(times) == 200 or not behind_the_data
 
 
@@ -113,7 +114,7 @@ def test_a_damaged_chunk_costs_that_chunk_and_says_which_time(tmp_path: Path) ->
     times = set(log.read("/joints", [])["log_time_ns"])
     lost = range(chunks[1].message_start_time, chunks[1].message_end_time + 1)
     assert times == {1000 + k for k in range(200)} - set(lost)
-    assert [f"log time {lost[0]} ns" in loss.what for loss in log.losses()] == [True]
+    assert [f"log time 0.{lost[0]:09} s" in loss.what for loss in log.losses()] == [True]
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -280,3 +281,41 @@ def test_the_conformance_suite_holds_what_the_official_reader_finds(shared_data:
         assert held == messages, path.name
         assert indexed == len(messages), path.name
         assert container.losses == (), path.name
+
+
+def test_a_chunk_that_declares_what_only_a_bomb_holds_is_not_unpacked(tmp_path: Path) -> None:
+    write_mcap(tmp_path / "shift.mcap", DRIVE)
+    whole = (tmp_path / "shift.mcap").read_bytes()
+    size = 2**29
+    packed = zstandard.compress(bytes(size))
+    body = (
+        struct.pack("<QQQII", 1, 2, size, 0, 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
+    )
+    bomb = struct.pack("<BQ", 6, len(body)) + body
+    (tmp_path / "bomb.mcap").write_bytes(whole[:8] + bomb + whole[8:])
+    with open_log(tmp_path / "bomb.mcap") as log:
+        assert log.topics()["messages"].to_list() == [200]
+        (loss, *_) = log.losses()
+    assert "it declares 536,870,912 bytes, more than 2,000 times what is stored" in loss.what
+
+
+def test_a_channel_without_a_schema_says_that_its_type_is_unknown(tmp_path: Path) -> None:
+    with (tmp_path / "bare.mcap").open("wb") as file:
+        writer = McapWriter(file)
+        writer.start("ros2")
+        writer.add_message(writer.register_channel("/bare", "cdr", 0), 1, b"\0\1\0\0", 1)
+        writer.finish()
+    with open_log(tmp_path / "bare.mcap") as log:
+        (problem,) = log.topics()["problem"]
+    assert problem == "the log does not say of what type its messages are"
+
+
+def test_of_a_torn_chunk_it_is_said_how_many_messages_are_read(tmp_path: Path) -> None:
+    write_mcap(tmp_path / "shift.mcap", DRIVE, chunk_size=10_000, compression=CompressionType.NONE)
+    data = (tmp_path / "shift.mcap").read_bytes()
+    (tmp_path / "torn.mcap").write_bytes(data[:5000])
+    with open_log(tmp_path / "torn.mcap") as log:
+        (count,) = log.topics()["messages"]
+        (loss,) = log.losses()
+    assert 0 < count < 200
+    assert loss.what.endswith(f"bytes are a torn chunk, of which {count} messages are read")

@@ -1,9 +1,11 @@
 """rosbag2 directories: split, compressed, without metadata, with metadata that lies."""
 
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
+import zstandard
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from estimators.errors import LogError
@@ -63,6 +65,67 @@ def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str,
     log = open_log(split)
     assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
     assert "files are taken by name" in log.losses()[0].what
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("", "it is not laid out as rosbag2 does"),
+        ("[" * 20_000, "it is nested too deeply"),
+        ("a: b", "it has no rosbag2_bagfile_information"),
+        ("a: b\nc: [d", "expected ',' or ']', but got '<stream end>' in line 2"),
+    ],
+    ids=["empty", "deep", "another", "torn"],
+)
+def test_what_is_wrong_with_metadata_is_said_in_words(split: Path, text: str, fault: str) -> None:
+    (split / "metadata.yaml").write_text(text)
+    assert open_log(split).losses()[0].what.endswith(f"files are taken by name: {fault}")
+
+
+def test_metadata_that_is_a_pipe_is_not_waited_for(split: Path) -> None:
+    os.mkfifo(split / "metadata.yaml")
+    assert open_log(split).losses()[0].what.endswith("it is no file")
+
+
+def test_a_file_that_metadata_names_twice_is_read_once(split: Path) -> None:
+    metadata(split, "shift_8.mcap", "shift_8.mcap", "shift_9.mcap", "shift_10.mcap")
+    log = open_log(split)
+    assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
+    assert log.losses()[0].what == "names shift_8.mcap 2 times; it is read once"
+
+
+def test_a_file_that_metadata_leaves_out_is_a_loss(split: Path) -> None:
+    metadata(split, "shift_8.mcap", "shift_9.mcap")
+    (loss, *_) = open_log(split).losses()
+    assert str(loss) == "shift_10.mcap: not read: metadata.yaml does not name it"
+
+
+def test_logs_of_one_time_in_a_folder_are_told_to_be_no_parts_of_one_recording(
+    tmp_path: Path,
+) -> None:
+    for name in ("a.mcap", "b.mcap"):
+        write_mcap(tmp_path / name, [Joints(k * 10**9, {"left": 1.0}) for k in range(5)])
+    log = open_log(tmp_path)
+    assert log.topics()["messages"].to_list() == [10]
+    assert [str(loss) for loss in log.losses()][1].startswith(
+        "b.mcap: begins 4.000 s before a.mcap ends"
+    )
+
+
+def test_of_a_file_and_its_compressed_copy_one_is_read(split: Path) -> None:
+    (split / "shift_8.mcap.zstd").write_bytes(b"the recorder ended while it wrote this")
+    log = open_log(split)
+    assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
+
+
+def test_a_compressed_file_that_grows_without_end_is_named_by_its_own_name(split: Path) -> None:
+    for file in split.glob("*.mcap"):
+        file.unlink()
+    bomb = zstandard.compress(bytes(64 * 2**20))
+    (split / "shift_8.mcap.zstd").write_bytes(bomb)
+    with pytest.raises(LogError, match=r"shift_8.mcap.zstd: .*it grows beyond") as raised:
+        open_log(split)
+    assert "payscope-" not in str(raised.value)
 
 
 def test_a_missing_and_a_broken_file_are_losses_and_the_rest_is_read(split: Path) -> None:
