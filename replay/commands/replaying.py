@@ -42,6 +42,7 @@ def replay_logs(
     # before the work: without a screen there is nothing to wait for
     viewer = start_viewer() if live else None
     with ExitStack() as stack, Stages(timing=timing) as stages:
+        stages.begin("open")
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         try:
             result = run(opened, machine, stages.begin)

@@ -29,9 +29,12 @@ class Stream:
         self._few: list[RawBatch] = []
         self._rows = self._bytes = 0
         self._begun: list[Callable[[], Decoded]] = []
+        #: the latest log time so far, by connection: slabs hold several side by side
+        self._latest: dict[int, int] = {}
 
     def take(self, batch: RawBatch, submit: Submit) -> None:
         """Take the next messages; their memory may be used again once they are settled."""
+        self._look_back(batch)
         for part in batch.parts():
             if part.rows < _FEW_ROWS:
                 self._few.append(_copied(part))
@@ -61,6 +64,15 @@ class Stream:
         frame = joined_frames(self._frames)
         self._frames.clear()
         return frame
+
+    def _look_back(self, batch: RawBatch) -> None:
+        """See whether times fall: sorted rows would not tell any more."""
+        if batch.rows:
+            latest = np.maximum.accumulate(batch.log_times)
+            before = self._latest.get(batch.connection_id, int(latest[0]))
+            back = (np.maximum(latest, before) - batch.log_times).max()
+            self.tally.back_ns = max(self.tally.back_ns, int(back))
+            self._latest[batch.connection_id] = max(int(latest[-1]), before)
 
     def _begin_few(self, submit: Submit) -> None:
         if self._few:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import polars as pl
@@ -24,6 +24,9 @@ from replay.readers.topics import TOPICS_SCHEMA, timing
 
 if TYPE_CHECKING:
     from replay.decoding.stream import Stream
+
+#: Recorders write messages a little out of order; when they fall back further, a clock was set.
+_CLOCK_JUMP_NS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +132,13 @@ class MessageLog(BaseLog):
                 self.path,
                 f"{tally.undecodable:,} of {total:,} messages cannot be decoded: "
                 f"{tally.first_fault}",
+                topic,
+            )
+        if tally.back_ns > _CLOCK_JUMP_NS:
+            self._read_losses.note(
+                self.path,
+                f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
+                "by them, so that stretches recorded one after another may lie in one another",
                 topic,
             )
 

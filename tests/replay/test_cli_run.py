@@ -11,6 +11,7 @@ import polars as pl
 import pytest
 
 from recordings import read_recording
+from replay.commands.progress import STAGES
 from replay.commands.replaying import print_answer
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
 from tests.replay.sledge import Payscope, one_line, sledge
@@ -83,12 +84,30 @@ class TestRun:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--timing")
-        for stage in ("read", "derive", "align", "smooth", "forces", "gate", "trace", "verdict"):
+        for stage in (
+            "open",
+            "read",
+            "derive",
+            "align",
+            "smooth",
+            "forces",
+            "gate",
+            "trace",
+            "verdict",
+        ):
             assert stage in said.err
-        total = re.search(r"^total +([0-9.]+) s, ([0-9.]+) times the reading$", said.err, re.M)
+        multiple = r"^total +([0-9.]+) s, but for opening ([0-9.]+) times the reading$"
+        total = re.search(multiple, said.err, re.M)
         assert total is not None
         assert float(total[1]) >= 0.0
         assert float(total[2]) >= 1.0
+
+    def test_the_bar_is_as_long_as_a_replay_with_its_recording_has_stages(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        output = tmp_path / "out.rrd"
+        said = payscope("run", log, "-m", machine_file, "-o", output, "--timing")
+        assert len(re.findall(r"^\w+ +[0-9.]+ s$", said.err, re.M)) == STAGES
 
     def test_a_failed_verdict_withholds_the_mass_lists_the_checks_and_exits_1(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path

@@ -124,3 +124,23 @@ def test_more_messages_than_a_batch_holds_are_all_read(write_log: Write) -> None
     frame = open_log(write_log(many)).read("/joints", ["effort[left]"])
     assert frame["effort[left]"].to_list() == [float(k) for k in range(20_000)]
     assert frame["log_time_ns"].to_list() == list(range(20_000))
+
+
+def test_a_clock_that_jumps_back_is_told_and_a_little_disorder_is_not(write_log: Write) -> None:
+    second = 1_000_000_000
+    times = [10, 11, 12, 13, 7, 8, 9]
+    swapped = [second, 2 * second, 2 * second - 1_000_000, 3 * second]
+    path = write_log(
+        [
+            *(Joints(t * second, {"left": 1.0}) for t in times),
+            *(Joints(t, {"left": 1.0}, topic="/other") for t in swapped),
+        ]
+    )
+    with open_log(path) as log:
+        frame = log.read("/joints", ["effort[left]"])
+        assert frame["log_time_ns"].to_list() == [t * second for t in sorted(times)]
+        log.read("/other", ["effort[left]"])
+        losses = [str(loss) for loss in log.losses()]
+    assert len(losses) == 1
+    assert "/joints" in losses[0]
+    assert "log times jump back, by up to 6.000 s" in losses[0]
