@@ -41,7 +41,7 @@ class Tally:
     rows: int = 0
     undecodable: int = 0
     first_fault: str = ""
-    #: by how much a message was logged before one that is stored before it, in ns, at most
+    #: by how much the log time falls from one message to the next, in ns, at most
     back_ns: int = 0
 
 

@@ -15,7 +15,8 @@ from replay.decoding.in_order import joined_frames, sorted_batch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
 _FEW_ROWS: Final = 2048
-_WORKERS: Final = min(4, os.cpu_count() or 1)
+#: The other half of the cores unpacks.
+_WORKERS: Final = max(1, min(4, (os.cpu_count() or 1) // 2))
 
 
 class Stream:
@@ -29,8 +30,8 @@ class Stream:
         self._few: list[RawBatch] = []
         self._rows = self._bytes = 0
         self._begun: list[Callable[[], Decoded]] = []
-        #: the latest log time so far, by connection: slabs hold several side by side
-        self._latest: dict[int, int] = {}
+        #: the log time of the last message, by connection: slabs hold several side by side
+        self._last: dict[int, int] = {}
 
     def take(self, batch: RawBatch, submit: Submit) -> None:
         """Take the next messages; their memory may be used again once they are settled."""
@@ -68,11 +69,11 @@ class Stream:
     def _look_back(self, batch: RawBatch) -> None:
         """See whether times fall: sorted rows would not tell any more."""
         if batch.rows:
-            latest = np.maximum.accumulate(batch.log_times)
-            before = self._latest.get(batch.connection_id, int(latest[0]))
-            back = (np.maximum(latest, before) - batch.log_times).max()
+            times = batch.log_times
+            before = self._last.get(batch.connection_id, int(times[0]))
+            back = (times[:-1] - times[1:]).max(initial=before - times[0])
             self.tally.back_ns = max(self.tally.back_ns, int(back))
-            self._latest[batch.connection_id] = max(int(latest[-1]), before)
+            self._last[batch.connection_id] = int(times[-1])
 
     def _begin_few(self, submit: Submit) -> None:
         if self._few:
