@@ -6,6 +6,13 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 
+from tests.replay.readers.written_logs import Joints
+
+DRIVE = [
+    Joints(1000 + k, {"left": float(k), "right": -float(k)}, topic=f"/joints{k % 2}")
+    for k in range(200)
+]
+
 
 def without_bag_index(path: Path) -> None:
     """What a recorder leaves that crashed: index_pos is 0, and nothing stands behind the chunks."""

@@ -19,10 +19,15 @@ def stored(container: Container, start_ns: int | None = None, end_ns: int | None
     topics = {connection.id: connection.topic for connection in container.connections}
     found: list[Stored] = []
     for batch in chain.from_iterable(container.batches(list(topics), start_ns, end_ns)):
-        times = batch.log_times.tolist()
+        logged = batch.log_times.tolist()
         topic = topics[batch.connection_id]
-        found += [(topic, t, data) for t, data in zip(times, batch.messages(), strict=True)]
+        found += [(topic, t, data) for t, data in zip(logged, batch.messages(), strict=True)]
     return sorted(found, key=lambda message: message[0])
+
+
+def times(messages: list) -> list[int]:
+    """When they were logged, ascending."""
+    return sorted(time for _, time, _ in messages)
 
 
 def official_mcap(path: Path) -> list[Stored]:
