@@ -35,7 +35,7 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     Raises:
         DataError: the channels share no time.
     """
-    settings = machine.settings
+    settings = machine.settings.align
     step_ns = 1e9 / settings.rate_hz
     series = {name: frame["unix_ns"].to_numpy() for name, frame in channels.items()}
     needed = {name: t for name, t in series.items() if name not in HINTS}

@@ -22,7 +22,7 @@ def answer(run: Run) -> dict[str, Any]:
     """
     by_method = {row["method"]: row for row in run.frames["masses"].to_dicts()}
     judged = run.frames["verdict"]
-    window = int(run.provenance.settings["window_samples"])
+    window = run.provenance.settings.gate.window_samples
     used = samples_of(run.frames["gate"]["accepted_x"].to_numpy(), window)
     return {
         **{
@@ -55,7 +55,7 @@ def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str 
     """A sentence that names the channels that spins lack, where there are spins; else None."""
     spins = (excitation["phase"] == "spinning").fill_null(False).sum()
     missing = [name for name in YAW_COLUMNS if name not in excitation.columns]
-    if spins < settings.window_samples or not missing:
+    if spins < settings.gate.window_samples or not missing:
         return None
     remedies = {
         "torque_z_N_m": "channels.torque_z_N_m, or both wheel torques and machine.track_width_m",
@@ -71,12 +71,12 @@ def why_nothing_was_accepted(
     """A sentence that names the obstacle when the gate accepted no window, else None."""
     if gated["accepted_x"].any():
         return None
-    window_s = settings.window_samples / settings.rate_hz
-    rows_s = excitation.height / settings.rate_hz
-    mean_s = (settings.smooth_samples - 1) / settings.rate_hz
+    window_s = settings.gate.window_samples / settings.align.rate_hz
+    rows_s = excitation.height / settings.align.rate_hz
+    mean_s = (settings.smooth.samples - 1) / settings.align.rate_hz
     if rows_s < window_s:
         return f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s"
-    if excitation.height < settings.window_samples + settings.smooth_samples - 1:
+    if excitation.height < settings.gate.window_samples + settings.smooth.samples - 1:
         return (
             f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s and the moving mean "
             f"before it {mean_s:.2f} s"
@@ -87,10 +87,10 @@ def why_nothing_was_accepted(
         ("a gap", whole),
         ("a gap or a turn", whole & ~phase.is_in(TURNS)),
     ]
-    if settings.exclude_braking:
+    if settings.gate.exclude_braking:
         stretches.append(("braking", whole & (phase != "braking")))
     for what, good in stretches:
-        longest_s = _longest_run(good.fill_null(False)) / settings.rate_hz
+        longest_s = _longest_run(good.fill_null(False)) / settings.align.rate_hz
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "

@@ -16,8 +16,8 @@ def column_noise(axis: Axis, settings: Settings) -> Floats | None:
     """
     if axis is X:
         return None
-    raw = np.array([settings.tls_noise_yaw_acc_rad_s2, settings.tls_noise_yaw_rate_rad_s])
-    return raw / np.sqrt(settings.smooth_samples)
+    raw = np.array([settings.noise.yaw_acc_rad_s2, settings.noise.yaw_rate_rad_s])
+    return raw / np.sqrt(settings.smooth.samples)
 
 
 def systematic(
@@ -46,5 +46,5 @@ def systematic(
     noise = column_noise(axis, settings)
     if noise is None:
         return np.zeros_like(theta)
-    drawn = window_attenuations(A, f, settings.window_samples, index, theta, noise)
+    drawn = window_attenuations(A, f, settings.gate.window_samples, index, theta, noise)
     return drawn if method in EXACT else DOUBT * drawn

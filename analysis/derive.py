@@ -52,37 +52,37 @@ def derive(
             t, x = _pick(name, channel, placed[topic], losses)
         if filtering and name not in _UNFILTERED:
             rate_hz = 1e9 / filters.period_ns(t)
-            if settings.derivative_cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
+            if settings.filter.cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
                 notes.append(
-                    f"{name}: low-pass of {settings.derivative_cutoff_hz:g} Hz not applied, "
+                    f"{name}: low-pass of {settings.filter.cutoff_hz:g} Hz not applied, "
                     f"its topic has only {rate_hz:.4g} Hz"
                 )
             else:
                 t, x = filters.low_pass(
                     t,
                     x,
-                    settings.derivative_cutoff_hz,
-                    filters.longest_step_ns(t, settings),
-                    causal=settings.causal,
+                    settings.filter.cutoff_hz,
+                    filters.longest_step_ns(t, settings.align),
+                    causal=settings.filter.causal,
                 )
         picked[name] = _filled(name, t, x)
 
-    series = mounting.to_machine_axes(picked, machine.machine.imu, settings)
+    series = mounting.to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.derivation_order():
         channel = machine.channels[name]
         if channel.derivative_of:
             t, x = series[channel.derivative_of]
-            longest_ns = filters.longest_step_ns(t, settings)
-            t, x = filters.derivative(t, x, longest_ns, causal=settings.causal)
+            longest_ns = filters.longest_step_ns(t, settings.align)
+            t, x = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.mean_of:
             first, second = (series[source] for source in channel.mean_of)
-            t, x = _mean(first, second, filters.longest_step_ns(second[0], settings))
+            t, x = _mean(first, second, filters.longest_step_ns(second[0], settings.align))
         else:
             continue
         series[name] = _filled(name, t, x * channel.scale + channel.offset)
     t, speed = series["speed_x_m_s"]
     # the sign of a standing machine's noise is a regressor of pure noise
-    moves = np.abs(speed) > settings.direction_deadband_m_s
+    moves = np.abs(speed) > settings.forces.direction_deadband_m_s
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
     frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
     return frames, losses, notes

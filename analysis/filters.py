@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
-from analysis.settings import Settings
+from analysis.settings import AlignSettings
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,7 +21,7 @@ def period_ns(t_ns: Ints) -> float:
     return float(np.median(np.diff(t_ns))) if t_ns.size > 1 else float("nan")
 
 
-def longest_step_ns(t_ns: Ints, settings: Settings) -> float:
+def longest_step_ns(t_ns: Ints, settings: AlignSettings) -> float:
     """The longest step that is no gap: `gap_periods` of the topic's period, or of the grid's.
 
     Log times come in bursts, so the topic's period alone would see gaps in every pause between.

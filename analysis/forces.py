@@ -70,7 +70,7 @@ def regressor_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     acceleration from the wheels needs + g·sin(pitch), pitch nose-up (flat ground where no pitch
     is given).
     """
-    if machine.settings.acceleration == "specific_force":
+    if machine.settings.forces.acceleration == "specific_force":
         return values(smoothed, "specific_force_x_m_s2")
     acceleration = values(smoothed, "acc_x_m_s2")
     if "pitch_rad" in smoothed.columns:
@@ -86,7 +86,7 @@ def lateral_acceleration(smoothed: pl.DataFrame, machine: Machine) -> Floats:
     slip. Otherwise ω v, which is right for wheels that do not slip, + g·sin(roll).
     """
     measured = "specific_force_y_m_s2" in smoothed.columns
-    if machine.settings.acceleration == "specific_force" and measured:
+    if machine.settings.forces.acceleration == "specific_force" and measured:
         return values(smoothed, "specific_force_y_m_s2")
     acceleration = values(smoothed, "yaw_rate_rad_s") * values(smoothed, "speed_x_m_s")
     if "roll_rad" in smoothed.columns:

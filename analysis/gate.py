@@ -45,7 +45,7 @@ def _judged(
     axis: Axis, excitation: pl.DataFrame, settings: Settings
 ) -> dict[str, Floats | pl.Series]:
     """The columns of one axis."""
-    window, letter = settings.window_samples, axis.letter
+    window, letter = settings.gate.window_samples, axis.letter
     A, f = regressor(axis, excitation, settings)
     n = f.size
     phase = excitation["phase"]
@@ -75,23 +75,23 @@ def _judged(
         f"mi_{letter}_nat": np.where(complete, index, np.nan),
         f"predicted_std_{letter}": predicted_std,
     }
-    match settings.gate:
+    match settings.gate.index:
         case "information":
-            poor = index < settings.threshold_nat
+            poor = index < settings.gate.threshold_nat
         case "variance":
-            x, z = settings.threshold_std_kg, settings.threshold_std_kg_m2
+            x, z = settings.gate.threshold_std_kg, settings.gate.threshold_std_kg_m2
             poor = ~(predicted_std <= (x if axis is X else z))
         case "ksg":
             # costly, so only where nothing else refuses the window
             left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
             ksg = np.full(n, np.nan)
             ksg[left] = neighbours.window_mutual_information(
-                A[:, 0].copy(), f, window, left, settings.ksg_neighbours
+                A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
             )
             columns[f"ksg_{letter}_nat"] = ksg
-            poor = ~(ksg >= settings.threshold_nat)
+            poor = ~(ksg >= settings.gate.threshold_nat)
     refusals["low_information"] = poor
-    refusals["ill_conditioned"] = ~(condition <= settings.condition_max)
+    refusals["ill_conditioned"] = ~(condition <= settings.gate.condition_max)
     reason = first_that_holds(refusals, "accepted", REASON)
     return {
         **columns,
@@ -102,12 +102,12 @@ def _judged(
 
 def _refusals(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> dict[str, Bools]:
     """What the motion in a window refuses it for, in the order of precedence."""
-    window, phase = settings.window_samples, excitation["phase"]
+    window, phase = settings.gate.window_samples, excitation["phase"]
     moving = (phase != "standstill").fill_null(True).to_numpy()
     stands = ~windows_with(moving, window)
     braking = windows_with(_braking(axis, excitation, settings), window)
     if axis is X:
-        clipped = _saturated(values(excitation, "force_x_N"), settings.saturation_force_N)
+        clipped = _saturated(values(excitation, "force_x_N"), settings.gate.saturation_force_N)
         return {
             "saturated": windows_with(clipped, window),
             "turning": windows_with(phase.is_in(TURNS).fill_null(False).to_numpy(), window),
@@ -115,7 +115,7 @@ def _refusals(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> dict[
             "standstill": stands,
             "slip": windows_with(_slipping(excitation, settings), window),
         }
-    clipped = _saturated(values(excitation, "torque_z_N_m"), settings.saturation_torque_z_N_m)
+    clipped = _saturated(values(excitation, "torque_z_N_m"), settings.gate.saturation_torque_z_N_m)
     travels = ~phase.is_in(_IN_PLACE).fill_null(True).to_numpy()
     return {
         "saturated": windows_with(clipped, window),
@@ -135,7 +135,7 @@ def accepted_samples(
     late by up to its span and the moving mean; a window must live with that on board, pooling
     need not.
     """
-    used = samples_of(gated[f"accepted_{axis.letter}"].to_numpy(), settings.window_samples)
+    used = samples_of(gated[f"accepted_{axis.letter}"].to_numpy(), settings.gate.window_samples)
     used &= (excitation["phase"] != "standstill").fill_null(True).to_numpy()
     return used & ~braking_within_sight(_braking(axis, excitation, settings), settings)
 
@@ -154,11 +154,11 @@ def settled_windows(
 
 def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
     """The samples that brake, and those before them that may brake unseen."""
-    return windows_with(braking[::-1], span_rows(settings) + settings.smooth_samples)[::-1]
+    return windows_with(braking[::-1], span_rows(settings) + settings.smooth.samples)[::-1]
 
 
 def _braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
-    if not settings.exclude_braking:
+    if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
     if axis is X:
         return (excitation["phase"] == "braking").fill_null(False).to_numpy()
@@ -178,11 +178,11 @@ def _slipping(excitation: pl.DataFrame, settings: Settings) -> Bools:
     Gravity is taken out of the accelerometer where the pitch is known; on a slope without it, its
     share counts as disagreement. Without an accelerometer nothing slips.
     """
-    if settings.slip_acc_m_s2 is None:
+    if settings.gate.slip_acc_m_s2 is None:
         return np.zeros(excitation.height, np.bool_)
     machine = values(excitation, "specific_force_x_m_s2")
     if "pitch_rad" in excitation.columns:
         # what local gravity differs from the standard's is far below any slip
         machine = machine - standard_gravity * np.sin(values(excitation, "pitch_rad"))
     wheels = values(excitation, "speed_rate_x_m_s2")
-    return np.abs(wheels - beside_speed_rate(machine, settings)) > settings.slip_acc_m_s2
+    return np.abs(wheels - beside_speed_rate(machine, settings)) > settings.gate.slip_acc_m_s2

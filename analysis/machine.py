@@ -176,13 +176,11 @@ class Machine(BaseModel):
                 "no speed: give channels.speed_x_m_s, if need be derived: "
                 'derive = "d/dt position_x_m" or "mean(speed_left_m_s, speed_right_m_s)"'
             )
-        wanted = {
-            "specific_force": "specific_force_x_m_s2",
-            "kinematic": "acc_x_m_s2",
-        }[self.settings.acceleration]
+        chosen = self.settings.forces.acceleration
+        wanted = {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
         if wanted not in self.channels:
             raise ValueError(
-                f"settings.acceleration is '{self.settings.acceleration}', which needs "
+                f"settings.forces.acceleration is '{chosen}', which needs "
                 f"channels.{wanted}; give it, or choose the other of specific_force, kinematic"
             )
 

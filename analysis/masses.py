@@ -106,6 +106,6 @@ def _totals(
             windows = theta_of(axis, frame)
             unseen = systematic(axis, method, A, f, index, windows[0], settings)
             theta[row], std[row] = mean_estimate(
-                A, f, settings.window_samples, index, *windows, unseen
+                A, f, settings.gate.window_samples, index, *windows, unseen
             )
     return theta, std

@@ -73,8 +73,8 @@ def start_watch(settings: Settings) -> Watch:
         known=False,
         kind=None,
         segment_id=-1,
-        braking_lag=span_rows(settings) + settings.smooth_samples
-        if settings.exclude_braking
+        braking_lag=span_rows(settings) + settings.smooth.samples
+        if settings.gate.exclude_braking
         else 1,
     )
 
@@ -91,7 +91,7 @@ def watch(
         settings: window, threshold, what is refused.
     """
     now = _remember(before, window, row, settings)
-    samples = settings.window_samples
+    samples = settings.gate.window_samples
     holds = {name: now.row - last < samples for name, last in now.last.items()}
     complete = now.row >= samples - 1 and not holds["gap"]
     seen = promise(window) if complete else Promise(np.nan, np.nan, np.nan, np.inf)
@@ -108,17 +108,17 @@ def watch(
         "negative_dependence": seen.rho < 0,
     }
     ksg = float("nan")
-    match settings.gate:
+    match settings.gate.index:
         case "information":
-            poor = index < settings.threshold_nat
+            poor = index < settings.gate.threshold_nat
         case "variance":
-            poor = not seen.predicted_deviation <= settings.threshold_std_kg
+            poor = not seen.predicted_deviation <= settings.gate.threshold_std_kg
         case "ksg":
             if not any(refusals.values()):
                 ksg = _nearest(window, settings)
-            poor = not ksg >= settings.threshold_nat
+            poor = not ksg >= settings.gate.threshold_nat
     refusals["low_information"] = poor
-    refusals["ill_conditioned"] = not seen.condition <= settings.condition_max
+    refusals["ill_conditioned"] = not seen.condition <= settings.gate.condition_max
     reason = next((name for name, holds_now in refusals.items() if holds_now), "accepted")
     spread = complete and seen.spread > 0
     return (
@@ -143,13 +143,13 @@ def _remember(
     known = phase is not None
     missing = not (np.isfinite(sample).all() and known)
     accelerations = (*before.accelerations[1:], _machine_acceleration(row))
-    limit = settings.saturation_force_N
+    limit = settings.gate.saturation_force_N
     flags = {
         "gap": missing,
         # a mean of clipped samples is the limit but for rounding
         "saturated": limit is not None and bool(abs(sample[-1]) >= limit * (1.0 - 1e-9)),
         "turning": phase in TURNS,
-        "braking": settings.exclude_braking and phase == "braking",
+        "braking": settings.gate.exclude_braking and phase == "braking",
         "moving": phase != "standstill",
         "slip": _slips(row, accelerations, settings),
     }
@@ -179,20 +179,20 @@ def _machine_acceleration(row: Mapping[str, Any]) -> float:
 
 
 def _slips(row: Mapping[str, Any], accelerations: tuple[float, ...], settings: Settings) -> bool:
-    if settings.slip_acc_m_s2 is None or row["speed_rate_x_m_s2"] is None:
+    if settings.gate.slip_acc_m_s2 is None or row["speed_rate_x_m_s2"] is None:
         return False
     mean = beside_speed_rate(np.array(accelerations), settings)[-1]
-    return bool(abs(row["speed_rate_x_m_s2"] - mean) > settings.slip_acc_m_s2)
+    return bool(abs(row["speed_rate_x_m_s2"] - mean) > settings.gate.slip_acc_m_s2)
 
 
 def _nearest(window: WindowState, settings: Settings) -> float:
     """The mutual information of the window by nearest neighbours."""
-    end = np.array([settings.window_samples - 1])
+    end = np.array([settings.gate.window_samples - 1])
     found = neighbours.window_mutual_information(
         window.z[0].copy(),
         window.z[-1].copy(),
-        settings.window_samples,
+        settings.gate.window_samples,
         end,
-        settings.ksg_neighbours,
+        settings.gate.ksg_neighbours,
     )
     return float(found[0])

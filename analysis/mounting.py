@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis import filters
 from analysis.machine import ImuMounting
-from analysis.settings import Settings
+from analysis.settings import AlignSettings
 from estimators.errors import DataError
 
 Floats = NDArray[np.float64]
@@ -47,7 +47,7 @@ def inclination(quaternion: Floats, imu: ImuMounting) -> dict[str, Floats]:
 
 
 def to_machine_axes(
-    series: Mapping[str, Series], imu: ImuMounting, settings: Settings
+    series: Mapping[str, Series], imu: ImuMounting, settings: AlignSettings
 ) -> dict[str, Series]:
     """Rotate the accelerometer and the gyroscope, each at its own rate, before any derivative.
 
@@ -78,7 +78,7 @@ def to_machine_axes(
     return out
 
 
-def _at(series: Series, t: Ints, settings: Settings) -> Series:
+def _at(series: Series, t: Ints, settings: AlignSettings) -> Series:
     return filters.held(*series, t, filters.longest_step_ns(series[0], settings))
 
 

@@ -98,8 +98,8 @@ class Step:
 
 def start(settings: Settings) -> State:
     """Before the first row."""
-    parameters = 3 if settings.coulomb else 2
-    window = settings.window_samples
+    parameters = 3 if settings.forces.coulomb else 2
+    window = settings.gate.window_samples
     return State(
         settings,
         online.start_window(parameters, window),
@@ -119,7 +119,7 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
     """
     settings = state.settings
     names = ["regressor_acc_x_m_s2", "speed_x_m_s"]
-    names += ["direction_x_1"] if settings.coulomb else []
+    names += ["direction_x_1"] if settings.forces.coulomb else []
     sample = np.array([number(row.get(name)) for name in (*names, "force_x_N")])
     window = online.step_window(state.window, sample)
     moment, watched = watch(state.watched, window, row, settings)
@@ -136,7 +136,7 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
     while state.settling and watched.row - state.settling[0].row >= watched.braking_lag - 1:
         state, fed = _feed(state)
         estimates |= fed
-    if "pooled" in settings.methods:
+    if "pooled" in settings.trace.methods:
         state, finished = _pool(state, watched.row)
         estimates |= finished
     return Step(state, moment, estimates)
@@ -161,10 +161,10 @@ def number(value: float | None) -> float:
 def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
     """Every windowed method on the window that ends at `row`, which was accepted."""
     settings, window = state.settings, state.window
-    mean = settings.smooth_samples
+    mean = settings.smooth.samples
     options = options_of(X, settings)
     estimates: dict[str, Standing] = {}
-    for method in settings.methods:
+    for method in settings.trace.methods:
         match method:
             case "ls":
                 estimate = online.ls(window, mean)
@@ -177,10 +177,10 @@ def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
             case "rls" | "rtls" | "pooled":
                 continue
         estimates[method] = Standing(row, estimate)
-    if RECURSIVE.intersection(settings.methods):
+    if RECURSIVE.intersection(settings.trace.methods):
         state = replace(state, settling=(*state.settling, Settling(row, window)))
-    if "pooled" in settings.methods:
-        newest = min(row - state.accepted_row, settings.window_samples)
+    if "pooled" in settings.trace.methods:
+        newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = _pending(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
@@ -191,12 +191,12 @@ def _feed(state: State) -> tuple[State, dict[str, Standing]]:
     state = replace(state, settling=state.settling[1:])
     if state.watched.last_braking >= row:
         return state, {}
-    newest = min(row - state.fed_row, settings.window_samples)
-    mean = settings.smooth_samples
+    newest = min(row - state.fed_row, settings.gate.window_samples)
+    mean = settings.smooth.samples
     options = options_of(X, settings)
     pasts = dict(state.pasts)
     estimates: dict[str, Standing] = {}
-    for method in settings.methods:
+    for method in settings.trace.methods:
         if method not in RECURSIVE:
             continue
         past = pasts.get(method)
@@ -254,7 +254,7 @@ def _standing(state: State) -> Mapping[str, Standing]:
         "pooled": Standing(
             state.pooled_row,
             state.pool.estimate(
-                state.settings.smooth_samples, options_of(X, state.settings).pooled
+                state.settings.smooth.samples, options_of(X, state.settings).pooled
             ),
         )
     }

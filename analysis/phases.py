@@ -28,7 +28,7 @@ def speed_rate(speed: Floats, settings: Settings) -> Floats:
     """
     span = min(span_rows(settings), speed.size)
     rate = np.full(speed.size, np.nan)
-    rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.rate_hz / span
+    rate[span:] = (speed[span:] - speed[: speed.size - span]) * settings.align.rate_hz / span
     rate[np.isnan(trailing_mean(speed, span + 1))] = np.nan
     return rate
 
@@ -40,7 +40,7 @@ def beside_speed_rate(acceleration: Floats, settings: Settings) -> Floats:
 
 def span_rows(settings: Settings) -> int:
     """Rows that the speed rate looks back."""
-    return max(1, round(settings.speed_rate_span_s * settings.rate_hz))
+    return max(1, round(settings.phases.speed_rate_span_s * settings.align.rate_hz))
 
 
 def pace(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floats:
@@ -56,11 +56,11 @@ def pace(speed: Floats, rate: Floats, steady: float, settings: Settings) -> Floa
 def yaw_pace(yaw_rate: Floats, settings: Settings) -> Floats:
     """Whether the turn speeds up (1), slows down (-1) or keeps its rate (0), (rows,)."""
     rate = speed_rate(yaw_rate, settings)
-    return pace(yaw_rate, rate, settings.steady_yaw_acc_rad_s2, settings)
+    return pace(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
 
 
 def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:
-    return speed - rate * span_rows(settings) / settings.rate_hz / 2.0
+    return speed - rate * span_rows(settings) / settings.align.rate_hz / 2.0
 
 
 def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settings) -> pl.Series:
@@ -84,10 +84,10 @@ def phases(smoothed: pl.DataFrame, speed: Floats, rate: Floats, settings: Settin
     if "yaw_acc_rad_s2" not in smoothed.columns:
         yaw_acc = speed_rate(yaw_rate, settings)
     mean_speed = _mean_over_span(speed, rate, settings)
-    turning = np.abs(yaw_rate) > settings.turning_rate_rad_s
-    slow = np.abs(speed) < settings.standstill_speed_m_s
-    steady = np.abs(rate) <= settings.steady_acc_m_s2
-    steady_turn = steady & (np.abs(yaw_acc) <= settings.steady_yaw_acc_rad_s2)
+    turning = np.abs(yaw_rate) > settings.phases.turning_rate_rad_s
+    slow = np.abs(speed) < settings.phases.standstill_speed_m_s
+    steady = np.abs(rate) <= settings.phases.steady_acc_m_s2
+    steady_turn = steady & (np.abs(yaw_acc) <= settings.phases.steady_yaw_acc_rad_s2)
     conditions = {
         None: np.isnan(speed) | np.isnan(rate),
         "spinning": turning & slow,

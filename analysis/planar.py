@@ -71,7 +71,7 @@ def _arcs(
     steady = plane.usable & (excitation["phase"] == "arc").fill_null(False).to_numpy()
     arc_id = np.where(steady, manoeuvres(excitation, settings), -1)
     ids, begins, counts = np.unique(arc_id[steady], return_index=True, return_counts=True)
-    lasting = counts >= settings.window_samples
+    lasting = counts >= settings.gate.window_samples
     if not lasting.any():
         return
     # an arc is one stretch of the log
@@ -100,7 +100,7 @@ def _arcs(
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
             reason = "ill_conditioned"
-        elif not row["predicted_std_com_m"] <= settings.threshold_std_com_m:
+        elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
         yield _told(row, reason, withheld=not can_weigh(judged))
 
@@ -108,7 +108,7 @@ def _arcs(
 def _joint(plane: Plane, judged: pl.DataFrame, settings: Settings) -> dict[str, Any] | None:
     """One fit over all motion, where there is turning enough and a yaw torque; else None."""
     used = plane.usable & plane.moving
-    if not plane.has_torque or (used & plane.turning).sum() < settings.window_samples:
+    if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
         return None
     estimate = _fit(plane, np.where(used, 0, -1), {}, settings, both=True)
     row = _row("joint", plane, used, estimate, {})

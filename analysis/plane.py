@@ -80,12 +80,12 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     known &= phase.is_not_null().to_numpy()
     turning = phase.is_in(TURNS).fill_null(False).to_numpy()
     rate = values(excitation, "speed_rate_x_m_s2")
-    along = pace(speed, rate, settings.steady_acc_m_s2, settings)
+    along = pace(speed, rate, settings.phases.steady_acc_m_s2, settings)
     # the yaw rate of straight driving is not steered
     about = np.where(turning, yaw_pace(yaw_rate, settings), 0.0)
     slows = (along < 0) | (about < 0)
     usable = known
-    if settings.exclude_braking:
+    if settings.gate.exclude_braking:
         usable = known & ~braking_within_sight(slows, settings)
     return Plane(
         t_ns=excitation["t_ns"].to_numpy(),
@@ -113,14 +113,14 @@ def plane_noise(motion: planar.Motion, used: Bools, settings: Settings) -> Float
     )
     # of ω v, or of an accelerometer, whichever is more
     sideways = np.hypot(
-        speed_rms * settings.tls_noise_yaw_rate_rad_s, yaw_rate_rms * settings.tls_noise_speed_m_s
+        speed_rms * settings.noise.yaw_rate_rad_s, yaw_rate_rms * settings.noise.speed_m_s
     )
-    mean = np.sqrt(settings.smooth_samples)
+    mean = np.sqrt(settings.smooth.samples)
     return planar.column_noise(
         yaw_rate_rms,
-        settings.tls_noise_acc_m_s2 / mean,
-        max(settings.tls_noise_acc_m_s2, float(sideways)) / mean,
-        settings.tls_noise_speed_m_s / mean,
-        settings.tls_noise_yaw_rate_rad_s / mean,
-        settings.tls_noise_yaw_acc_rad_s2 / mean,
+        settings.noise.acc_m_s2 / mean,
+        max(settings.noise.acc_m_s2, float(sideways)) / mean,
+        settings.noise.speed_m_s / mean,
+        settings.noise.yaw_rate_rad_s / mean,
+        settings.noise.yaw_acc_rad_s2 / mean,
     )

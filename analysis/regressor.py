@@ -72,7 +72,7 @@ def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floa
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
     accelerometer's 9.81 m/s² in a_z.
     """
-    direction = values(excitation, "direction_x_1") if settings.coulomb else None
+    direction = values(excitation, "direction_x_1") if settings.forces.coulomb else None
     A = planar.straight(
         values(excitation, "regressor_acc_x_m_s2"), values(excitation, "speed_x_m_s"), direction
     )

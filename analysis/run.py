@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import polars as pl
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
+from analysis.settings import Settings
 from estimators.errors import one_line
 
 OneLine = Annotated[str, AfterValidator(one_line)]
@@ -47,7 +48,7 @@ class Provenance(BaseModel):
     inputs: tuple[InputFile, ...] = ()
     #: The machine file as resolved: every section, defaults filled in, as plain JSON values.
     machine: dict[str, Any] = {}
-    settings: dict[str, Any] = {}
+    settings: Settings = Settings.model_validate({})
     versions: dict[str, str] = {}
     t0_unix_ns: int = 0
     #: Which stamp each topic was placed by: "header", "log" or "table".

@@ -26,7 +26,7 @@ def manoeuvres(excitation: pl.DataFrame, settings: Settings) -> Ints:
     or of turning is one each.
     """
     phase = excitation["phase"]
-    alone = (*TURNS, *(("braking",) if settings.exclude_braking else ()))
+    alone = (*TURNS, *(("braking",) if settings.gate.exclude_braking else ()))
     known = phase.is_not_null().to_numpy()
     kinds = np.array([1 + alone.index(name) if name in alone else 0 for name in PHASE.categories])
     kind = kinds.astype(np.int8)[phase.cast(PHASE).to_physical().fill_null(0).to_numpy()]
@@ -53,7 +53,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
     """
     turns = TURNS if Z not in axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
-    if settings.exclude_braking:
+    if settings.gate.exclude_braking:
         refused_for["braking"] = "braking"
     segment_id = manoeuvres(excitation, settings)
     used = np.zeros(segment_id.size, np.bool_)

@@ -1,8 +1,10 @@
-"""The settings of a replay: the paper's values where the paper gives one."""
+"""The settings of a replay, a part a stage: the paper's values where the paper gives one."""
 
-from typing import Final, Literal
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Method = Literal["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]
 
@@ -11,11 +13,148 @@ RECURSIVE: Final = frozenset({"rls", "rtls"})
 #: Methods that take the regressor for exact, as (6) does; noise in it draws them towards zero.
 EXACT: Final = frozenset({"ls", "rls", "fgls", "huber"})
 
+_PART: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class FilterSettings(BaseModel):
+    """The low-pass before a derivative is taken."""
+
+    model_config = _PART
+
+    cutoff_hz: float = Field(
+        20.0, gt=0, description="low-pass of every regressor channel where one is derived by d/dt"
+    )
+    causal: bool = Field(False, description="filter as on board: no look into the future")
+
+
+class AlignSettings(BaseModel):
+    """The common grid."""
+
+    model_config = _PART
+
+    rate_hz: float = Field(100.0, gt=0, le=10_000, description="rate of the common grid")
+    gap_periods: float = Field(3.0, gt=1, description="periods without a sample that make a gap")
+
+
+class SmoothSettings(BaseModel):
+    """The moving mean."""
+
+    model_config = _PART
+
+    samples: int = Field(10, ge=1, description="samples of the trailing moving mean")
+
+
+class ForcesSettings(BaseModel):
+    """What the equation of straight motion (7) is made of."""
+
+    model_config = _PART
+
+    acceleration: Literal["specific_force", "kinematic"] = Field(
+        "specific_force", description="which acceleration multiplies the mass"
+    )
+    coulomb: bool = Field(False, description="estimate a Coulomb friction term as well")
+    direction_deadband_m_s: float = Field(
+        0.0, ge=0, description="speeds up to this have no sign for the Coulomb term"
+    )
+
+
+class PhaseSettings(BaseModel):
+    """The thresholds of the phases of motion."""
+
+    model_config = _PART
+
+    speed_rate_span_s: float = Field(0.1, gt=0, description="span of the speed rate")
+    standstill_speed_m_s: float = Field(0.02, ge=0, description="slower than this stands")
+    steady_acc_m_s2: float = Field(0.15, gt=0, description="smaller speed rates are cruising")
+    turning_rate_rad_s: float = Field(0.05, gt=0, description="faster yaw rates are turning")
+    steady_yaw_acc_rad_s2: float = Field(0.05, gt=0, description="smaller ones are steady arcs")
+
+
+class GateSettings(BaseModel):
+    """Which windows are estimated from."""
+
+    model_config = _PART
+
+    window_samples: int = Field(320, ge=4, description="samples in a window (3.2 s)")
+    index: Literal["information", "ksg", "variance"] = Field(
+        "information",
+        description="what accepts a window: the index (11), the mutual information by nearest "
+        "neighbours, or the predicted standard deviation of the mass",
+    )
+    threshold_nat: float = Field(0.7, description="smallest index (or ksg) of an accepted window")
+    threshold_std_kg: float = Field(
+        30.0, gt=0, description="index = variance: largest predicted std of the mass"
+    )
+    threshold_std_kg_m2: float = Field(
+        30.0, gt=0, description="index = variance: largest predicted std of the inertia"
+    )
+    ksg_neighbours: int = Field(4, ge=1, le=50, description="index = ksg: neighbours k")
+    exclude_braking: bool = Field(
+        True, description="refuse windows that contain a braking sample, of travel or of a spin"
+    )
+    saturation_force_N: float | None = Field(None, gt=0, description="force where a sensor clips")
+    saturation_torque_z_N_m: float | None = Field(
+        None, gt=0, description="yaw torque where a sensor clips"
+    )
+    slip_acc_m_s2: float | None = Field(
+        None,
+        gt=0,
+        description="disagreement of wheels and IMU that means slip (slopes need pitch_rad)",
+    )
+    condition_max: float = Field(1000.0, gt=1, description="larger condition numbers are refused")
+
+
+class TraceSettings(BaseModel):
+    """The estimators and their options."""
+
+    model_config = _PART
+
+    methods: tuple[Method, ...] = Field(
+        ("ls", "rls", "fgls", "tls", "pooled"),
+        min_length=1,
+        description="estimators to run; also rtls, huber",
+    )
+    forgetting: float = Field(
+        0.998, gt=0.5, le=1, description="λ of the recursive estimators: half forgotten in 3.5 s"
+    )
+    directional_forgetting: bool = Field(
+        False, description="forget only along the direction of each new sample"
+    )
+    fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
+    huber_bend: float = Field(
+        1.345, gt=0, description="c: residuals up to c robust deviations weigh fully"
+    )
+
+
+class NoiseSettings(BaseModel):
+    """Standard deviation of one sample of each column, before the moving mean."""
+
+    model_config = _PART
+
+    force_N: float = Field(60.0, gt=0, description="noise of the force")
+    acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")
+    speed_m_s: float = Field(0.005, gt=0, description="noise of the speed")
+    torque_z_N_m: float = Field(45.0, gt=0, description="noise of the yaw torque")
+    yaw_acc_rad_s2: float = Field(
+        0.026, gt=0, description="noise of the yaw acceleration, as derived of such a yaw rate"
+    )
+    yaw_rate_rad_s: float = Field(0.001, gt=0, description="noise of the yaw rate")
+
+
+class PlanarSettings(BaseModel):
+    """Arcs and joint motion."""
+
+    model_config = _PART
+
+    threshold_std_com_m: float = Field(
+        0.05, gt=0, description="largest predicted std of an arc's centre of mass"
+    )
+
 
 class VerdictLimits(BaseModel):
     """Limits of the checks that decide whether a log can weigh (on its ungated moving samples)."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = _PART
 
     partial_correlation_min: float = Field(
         0.5, ge=-1, le=1, description="least correlation of acceleration and force given the speed"
@@ -46,83 +185,110 @@ class VerdictLimits(BaseModel):
     )
 
 
+#: Where the keys of older machine files went, when all settings were one flat table.
+MOVED: Final[Mapping[str, str]] = {
+    "rate_hz": "align.rate_hz",
+    "gap_periods": "align.gap_periods",
+    "smooth_samples": "smooth.samples",
+    "derivative_cutoff_hz": "filter.cutoff_hz",
+    "causal": "filter.causal",
+    "acceleration": "forces.acceleration",
+    "coulomb": "forces.coulomb",
+    "direction_deadband_m_s": "forces.direction_deadband_m_s",
+    "speed_rate_span_s": "phases.speed_rate_span_s",
+    "standstill_speed_m_s": "phases.standstill_speed_m_s",
+    "steady_acc_m_s2": "phases.steady_acc_m_s2",
+    "turning_rate_rad_s": "phases.turning_rate_rad_s",
+    "steady_yaw_acc_rad_s2": "phases.steady_yaw_acc_rad_s2",
+    "window_samples": "gate.window_samples",
+    "gate": "gate.index",
+    "threshold_nat": "gate.threshold_nat",
+    "threshold_std_kg": "gate.threshold_std_kg",
+    "threshold_std_kg_m2": "gate.threshold_std_kg_m2",
+    "ksg_neighbours": "gate.ksg_neighbours",
+    "exclude_braking": "gate.exclude_braking",
+    "saturation_force_N": "gate.saturation_force_N",
+    "saturation_torque_z_N_m": "gate.saturation_torque_z_N_m",
+    "slip_acc_m_s2": "gate.slip_acc_m_s2",
+    "condition_max": "gate.condition_max",
+    "methods": "trace.methods",
+    "forgetting": "trace.forgetting",
+    "directional_forgetting": "trace.directional_forgetting",
+    "fgls_floor": "trace.fgls_floor",
+    "huber_bend": "trace.huber_bend",
+    "tls_noise_force_N": "noise.force_N",
+    "tls_noise_acc_m_s2": "noise.acc_m_s2",
+    "tls_noise_speed_m_s": "noise.speed_m_s",
+    "tls_noise_torque_z_N_m": "noise.torque_z_N_m",
+    "tls_noise_yaw_acc_rad_s2": "noise.yaw_acc_rad_s2",
+    "tls_noise_yaw_rate_rad_s": "noise.yaw_rate_rad_s",
+    "threshold_std_com_m": "planar.threshold_std_com_m",
+}
+
+
+def _nearest(key: str, parts: Mapping[str, type[BaseModel]]) -> str | None:
+    """The setting, with its stage, whose name is most like a key that is none."""
+    stages = {name: stage for stage, part in parts.items() for name in part.model_fields}
+    names = {**{name: f"{stage}.{name}" for name, stage in stages.items()}, **MOVED}
+    close = get_close_matches(key, names, n=1)
+    return names[close[0]] if close else None
+
+
 class Settings(BaseModel):
-    """How a log is replayed. Every field can be overridden with `--set settings.NAME=VALUE`."""
+    """How a log is replayed. Every field can be overridden with `--set settings.STAGE.NAME=VALUE`.
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    A part belongs to the stage that it is named after; later stages read it where they must know
+    what was done (the gate's window, the grid's rate).
+    """
 
-    rate_hz: float = Field(100.0, gt=0, le=10_000, description="rate of the common grid")
-    smooth_samples: int = Field(10, ge=1, description="samples of the trailing moving mean")
-    window_samples: int = Field(320, ge=4, description="samples in a window (3.2 s)")
-    gate: Literal["information", "ksg", "variance"] = Field(
-        "information",
-        description="what accepts a window: the index (11), the mutual information by nearest "
-        "neighbours, or the predicted deviation of the mass",
-    )
-    threshold_nat: float = Field(0.7, description="smallest index (or ksg) of an accepted window")
-    threshold_std_kg: float = Field(
-        30.0, gt=0, description="gate = variance: largest predicted deviation of the mass"
-    )
-    threshold_std_kg_m2: float = Field(
-        30.0, gt=0, description="gate = variance: largest predicted deviation of the inertia"
-    )
-    threshold_std_com_m: float = Field(
-        0.05, gt=0, description="largest predicted deviation of an arc's centre of mass"
-    )
-    ksg_neighbours: int = Field(4, ge=1, le=50, description="gate = ksg: neighbours k")
-    acceleration: Literal["specific_force", "kinematic"] = Field(
-        "specific_force", description="which acceleration multiplies the mass"
-    )
-    exclude_braking: bool = Field(
-        True, description="refuse windows that contain a braking sample, of travel or of a spin"
-    )
-    coulomb: bool = Field(False, description="estimate a Coulomb friction term as well")
-    methods: tuple[Method, ...] = Field(
-        ("ls", "rls", "fgls", "tls", "pooled"),
-        min_length=1,
-        description="estimators to run; also rtls, huber",
-    )
-    forgetting: float = Field(
-        0.998, gt=0.5, le=1, description="λ of the recursive estimators: half forgotten in 3.5 s"
-    )
-    direction_deadband_m_s: float = Field(
-        0.0, ge=0, description="speeds up to this have no sign for the Coulomb term"
-    )
-    directional_forgetting: bool = Field(
-        False, description="forget only along the direction of each new sample"
-    )
-    fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
-    huber_bend: float = Field(
-        1.345, gt=0, description="c: residuals up to c robust deviations weigh fully"
-    )
-    tls_noise_force_N: float = Field(60.0, gt=0, description="noise of the force, before the mean")
-    tls_noise_acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")
-    tls_noise_speed_m_s: float = Field(0.005, gt=0, description="noise of the speed")
-    tls_noise_torque_z_N_m: float = Field(
-        45.0, gt=0, description="noise of the yaw torque, before the mean"
-    )
-    tls_noise_yaw_acc_rad_s2: float = Field(
-        0.026, gt=0, description="noise of the yaw acceleration, as derived of such a yaw rate"
-    )
-    tls_noise_yaw_rate_rad_s: float = Field(0.001, gt=0, description="noise of the yaw rate")
-    derivative_cutoff_hz: float = Field(
-        20.0, gt=0, description="low-pass of every regressor channel where one is derived by d/dt"
-    )
-    causal: bool = Field(False, description="filter as on board: no look into the future")
-    gap_periods: float = Field(3.0, gt=1, description="periods without a sample that make a gap")
-    speed_rate_span_s: float = Field(0.1, gt=0, description="span of the speed rate for the phases")
-    standstill_speed_m_s: float = Field(0.02, ge=0, description="slower than this stands")
-    steady_acc_m_s2: float = Field(0.15, gt=0, description="smaller speed rates are cruising")
-    turning_rate_rad_s: float = Field(0.05, gt=0, description="faster yaw rates are turning")
-    steady_yaw_acc_rad_s2: float = Field(0.05, gt=0, description="smaller ones are steady arcs")
-    saturation_force_N: float | None = Field(None, gt=0, description="force where a sensor clips")
-    saturation_torque_z_N_m: float | None = Field(
-        None, gt=0, description="yaw torque where a sensor clips"
-    )
-    slip_acc_m_s2: float | None = Field(
-        None,
-        gt=0,
-        description="disagreement of wheels and IMU that means slip (slopes need pitch_rad)",
-    )
-    condition_max: float = Field(1000.0, gt=1, description="larger condition numbers are refused")
+    model_config = _PART
+
+    filter: FilterSettings = FilterSettings.model_validate({})
+    align: AlignSettings = AlignSettings.model_validate({})
+    smooth: SmoothSettings = SmoothSettings.model_validate({})
+    forces: ForcesSettings = ForcesSettings.model_validate({})
+    phases: PhaseSettings = PhaseSettings.model_validate({})
+    gate: GateSettings = GateSettings.model_validate({})
+    trace: TraceSettings = TraceSettings.model_validate({})
+    noise: NoiseSettings = NoiseSettings.model_validate({})
+    planar: PlanarSettings = PlanarSettings.model_validate({})
     verdict: VerdictLimits = VerdictLimits.model_validate({})
+
+    @model_validator(mode="before")
+    @classmethod
+    def _values_are_in_a_stage(cls, content: Any) -> Any:
+        """Name the stage of a value that was given without one."""
+        if not isinstance(content, Mapping):
+            return content
+        for key, value in content.items():
+            if key in MOVED and not isinstance(value, Mapping | BaseModel):
+                raise ValueError(f"'{key}' is now 'settings.{MOVED[key]}'")
+            if key not in cls.model_fields and (meant := _nearest(key, cls.parts())):
+                raise ValueError(f"unknown key '{key}'; did you mean '{meant}'?")
+        return content
+
+    @classmethod
+    def parts(cls) -> dict[str, type[BaseModel]]:
+        """The model of each part, by its name."""
+        return {
+            name: field.annotation
+            for name, field in cls.model_fields.items()
+            if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
+        }
+
+    def value(self, name: str) -> Any:
+        """The setting of a dotted name, as `gate.threshold_nat`."""
+        part, _, key = name.partition(".")
+        return getattr(getattr(self, part), key)
+
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """The same settings but for `changes`, by dotted name: `{"gate.window_samples": 400}`.
+
+        Raises:
+            ValidationError: no such setting, or a value that it does not take.
+        """
+        content = self.model_dump()
+        for name, value in changes.items():
+            part, _, key = name.partition(".")
+            content.setdefault(part, {})[key] = value
+        return type(self).model_validate(content)

@@ -5,11 +5,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.schema import build, values
-from analysis.settings import Settings
+from analysis.settings import SmoothSettings
 
 
-def smooth(aligned: pl.DataFrame, settings: Settings) -> pl.DataFrame:
-    """Average each sample with the ones before it, `smooth_samples` in all.
+def smooth(aligned: pl.DataFrame, settings: SmoothSettings) -> pl.DataFrame:
+    """Average each sample with the ones before it, `samples` in all.
 
     The mean never reaches across a gap: a row is null until its whole mean lies in one gap-free
     stretch. Every column is averaged alike, the Coulomb sign included, since a column filtered
@@ -17,7 +17,7 @@ def smooth(aligned: pl.DataFrame, settings: Settings) -> pl.DataFrame:
 
     Args:
         aligned: the grid.
-        settings: `smooth_samples`.
+        settings: `samples`.
 
     Returns:
         The same columns, gap rows null.
@@ -28,7 +28,7 @@ def smooth(aligned: pl.DataFrame, settings: Settings) -> pl.DataFrame:
         if name in ("t_ns", "gap"):
             continue
         x = np.where(gap, np.nan, values(aligned, name))
-        columns[name] = trailing_mean(x, settings.smooth_samples)
+        columns[name] = trailing_mean(x, settings.samples)
     return build("aligned", {"t_ns": aligned["t_ns"], **columns, "gap": aligned["gap"]})
 
 

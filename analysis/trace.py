@@ -31,11 +31,11 @@ def options_of(axis: Axis, settings: Settings) -> Options:
     """What the settings ask of each method on an axis."""
     noise = tls_noise(axis, settings)
     return Options(
-        rls.RlsOptions(settings.forgetting, settings.directional_forgetting),
-        fgls.FglsOptions(settings.fgls_floor),
+        rls.RlsOptions(settings.trace.forgetting, settings.trace.directional_forgetting),
+        fgls.FglsOptions(settings.trace.fgls_floor),
         noise,
-        rtls.RtlsOptions(noise, settings.forgetting),
-        huber.HuberOptions(settings.huber_bend),
+        rtls.RtlsOptions(noise, settings.trace.forgetting),
+        huber.HuberOptions(settings.trace.huber_bend),
         pooled.PooledOptions(column_noise(axis, settings)),
     )
 
@@ -57,7 +57,7 @@ def trace(
     t_ns = excitation["t_ns"].to_numpy()
     return {
         method: _frame({axis: traces[method] for axis, traces in axes_traced.items()}, t_ns)
-        for method in settings.methods
+        for method in settings.trace.methods
     }
 
 
@@ -66,12 +66,12 @@ def _traces(
 ) -> dict[Method, Trace]:
     """Every method over one axis."""
     A, f = regressor(axis, excitation, settings)
-    window = settings.window_samples
+    window = settings.gate.window_samples
     accepted = gated[f"accepted_{axis.letter}"].to_numpy()
     settled = settled_windows(excitation, gated, settings, axis)
     options = options_of(axis, settings)
     traces: dict[Method, Trace] = {}
-    for method in settings.methods:
+    for method in settings.trace.methods:
         match method:
             case "ls":
                 traced = ls.trace(A, f, window, accepted)
@@ -112,10 +112,10 @@ def tls_noise(axis: Axis, settings: Settings) -> tls.TlsOptions:
     if axis is X:
         # Coulomb's sign is nearly exact
         return tls.TlsOptions(
-            (settings.tls_noise_acc_m_s2, settings.tls_noise_speed_m_s, 1e-3),
-            settings.tls_noise_force_N,
+            (settings.noise.acc_m_s2, settings.noise.speed_m_s, 1e-3),
+            settings.noise.force_N,
         )
     return tls.TlsOptions(
-        (settings.tls_noise_yaw_acc_rad_s2, settings.tls_noise_yaw_rate_rad_s),
-        settings.tls_noise_torque_z_N_m,
+        (settings.noise.yaw_acc_rad_s2, settings.noise.yaw_rate_rad_s),
+        settings.noise.torque_z_N_m,
     )

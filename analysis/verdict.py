@@ -105,7 +105,7 @@ def _of_mass(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) ->
     limits = settings.verdict
     A, f = straight(excitation, settings)
     known = np.isfinite(A).all(axis=1) & np.isfinite(f)
-    driving = ["accelerating", "cruising"] + ([] if settings.exclude_braking else ["braking"])
+    driving = ["accelerating", "cruising"] + ([] if settings.gate.exclude_braking else ["braking"])
     motion = _Motion(
         A,
         f,
@@ -151,7 +151,7 @@ def _of_inertia(excitation: pl.DataFrame, settings: Settings) -> Iterator[_Check
     spinning = known & _is(excitation["phase"], "spinning")
     changes = yaw_pace(A[:, 1], settings)
     braking = spinning & (changes < 0)
-    moving = spinning & ~braking if settings.exclude_braking else spinning
+    moving = spinning & ~braking if settings.gate.exclude_braking else spinning
     if not checks.enough(A, moving):
         return
     motion = _Motion(A, f, moving, braking, spinning & (changes > 0))

@@ -28,7 +28,7 @@ OPTIONS = [
     *((value, False) for value in LAMBDAS),
     *((value, True) for value in LAMBDAS if value < 1.0),
 ]
-MACHINE = load_machine("cat262c.toml", ['settings.methods=["rls"]'])
+MACHINE = load_machine("cat262c.toml", ['settings.trace.methods=["rls"]'])
 Found = dict[tuple[float, bool], list[float]]
 
 
@@ -38,8 +38,8 @@ def estimates_of(replayed: Run, runs: pl.DataFrame) -> dict[tuple[float, bool], 
     gated = gate(frame, MACHINE.settings)
     found: dict[tuple[float, bool], pl.DataFrame] = {}
     for forgetting, directional in OPTIONS:
-        change = {"forgetting": forgetting, "directional_forgetting": directional}
-        traced = trace(frame, gated, MACHINE.settings.model_copy(update=change))
+        change = {"trace.forgetting": forgetting, "trace.directional_forgetting": directional}
+        traced = trace(frame, gated, MACHINE.settings.changed(change))
         whole = Run({"estimates/rls": traced["rls"]}, replayed.provenance)
         found[forgetting, directional] = run_estimates(whole, runs)
     return found
@@ -77,7 +77,7 @@ def cruise(seeds: int) -> tuple[Found, Found]:
     """Error after a start and 90 s of cruise: of every window until braking, and of the gated."""
     ungated: Found = {option: [] for option in OPTIONS}
     gated: Found = {option: [] for option in OPTIONS}
-    window = MACHINE.settings.window_samples
+    window = MACHINE.settings.gate.window_samples
     for seed in range(1, seeds + 1):
         plan = scenario(seed, runs=1, cruise_s=90.0)
         log = next(iter(simulate_campaign(plan)))

@@ -28,9 +28,9 @@ METHODS = ("ls", "rls", "pooled")
 MACHINE = load_machine(
     "cat262c.toml",
     [
-        'settings.methods=["ls","rls","pooled"]',
-        "settings.gate=ksg",
-        "settings.threshold_nat=-1000",
+        'settings.trace.methods=["ls","rls","pooled"]',
+        "settings.gate.index=ksg",
+        "settings.gate.threshold_nat=-1000",
     ],
 )
 WEAK = {"throttle_force_N": 1500.0, "start_s": 6.0}
@@ -135,7 +135,7 @@ def cost() -> str:
     replayed, _ = joined(scenario(1, runs=3), machine=MACHINE)
     frame = replayed.frames["excitation"]
     A, f = straight(frame, MACHINE.settings)
-    window = MACHINE.settings.window_samples
+    window = MACHINE.settings.gate.window_samples
     complete = np.convolve(np.isfinite(A).all(axis=1) & np.isfinite(f), np.ones(window))[: f.size]
     index = np.flatnonzero(complete > window - 0.5).astype(np.int64)
     acc = A[:, 0].copy()

@@ -103,8 +103,8 @@ def main(starts: int = 2100, write: bool = False) -> None:
         machine = load_machine(
             "cat262c.toml",
             [
-                'settings.methods=["ls","rls","tls","pooled"]',
-                f"settings.tls_noise_force_N={noise_N:.1f}",
+                'settings.trace.methods=["ls","rls","tls","pooled"]',
+                f"settings.noise.force_N={noise_N:.1f}",
             ],
         )
         found: dict[int, dict[str, list[np.ndarray]]] = {n: {} for n in STARTS_A_LOG}

@@ -47,17 +47,17 @@ def aligned_shift(machine: Machine, hours: float) -> pl.DataFrame:
     with tempfile.TemporaryDirectory() as folder:
         (log,) = simulate(short, Path(folder) / "campaign.bag")
         once = run(open_log(log), machine).frames["aligned"]
-    rows = round(hours * 3600 * machine.settings.rate_hz)
+    rows = round(hours * 3600 * machine.settings.align.rate_hz)
     shift = pl.concat([once] * -(-rows // once.height))[:rows]
-    step_ns = round(1e9 / machine.settings.rate_hz)
+    step_ns = round(1e9 / machine.settings.align.rate_hz)
     return shift.with_columns(t_ns=pl.int_range(rows, dtype=pl.Int64) * step_ns)
 
 
 def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     """All stages, in the order of the pipeline, with the peak after each."""
-    chosen = [f"settings.methods={list(METHODS)}".replace("'", '"')]
+    chosen = [f"settings.trace.methods={list(METHODS)}".replace("'", '"')]
     if every_window:
-        chosen += ["settings.threshold_nat=-1", "settings.exclude_braking=false"]
+        chosen += ["settings.gate.threshold_nat=-1", "settings.gate.exclude_braking=false"]
     machine = load_machine("cat262c.toml", chosen)
     settings = machine.settings
     began = time.perf_counter()
@@ -70,7 +70,7 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     peak("imports")
     aligned = aligned_shift(machine, hours)
     peak(f"aligned, {aligned.height:,} rows")
-    excitation = forces(smooth(aligned, settings), machine)
+    excitation = forces(smooth(aligned, settings.smooth), machine)
     peak("excitation")
     gated = gate(excitation, settings)
     accepted = int(gated["accepted_x"].sum())
@@ -91,9 +91,7 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
         "verdict": judged,
     }
     sizes = {name: frame.estimated_size("mb") for name, frame in frames.items()}
-    written = write_recording(
-        Run(frames, Provenance(settings=settings.model_dump(mode="json"))), folder / "shift.rrd"
-    )
+    written = write_recording(Run(frames, Provenance(settings=settings)), folder / "shift.rrd")
     peak(f"recording, {written.stat().st_size / 1e6:.0f} MB, read back")
     largest = sorted(sizes.items(), key=lambda item: -item[1])[:4]
     print("\nLargest frames: " + ", ".join(f"{name} {size:.0f} MB" for name, size in largest))

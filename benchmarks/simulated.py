@@ -57,7 +57,7 @@ def excitation(
         if name in machine.channels
     }
     aligned, _ = align(wanted, machine)
-    return forces(smooth(aligned, machine.settings), machine)
+    return forces(smooth(aligned, machine.settings.smooth), machine)
 
 
 def cut(frame: pl.DataFrame, log: SimulatedLog, runs: int) -> Iterator[pl.DataFrame]:

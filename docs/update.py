@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from analysis.settings import Settings, VerdictLimits
+from analysis.settings import Settings
 from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
 from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
 from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, SimulatedTerrain
@@ -54,11 +54,10 @@ def updated(page: str, folder: Path) -> str:
 def settings_table() -> str:
     """Every setting with its default and meaning, from where it is declared."""
     rows = ["| setting | default | meaning |", "|---|---|---|"]
-    for prefix, model in (("", Settings), ("verdict.", VerdictLimits)):
+    for part, model in Settings.parts().items():
         for name, field in model.model_fields.items():
-            if name != "verdict":
-                default = json.dumps(field.default)
-                rows.append(f"| `{prefix}{name}` | `{default}` | {field.description or ''} |")
+            default = json.dumps(field.default)
+            rows.append(f"| `{part}.{name}` | `{default}` | {field.description or ''} |")
     return "\n".join(rows)
 
 

@@ -154,7 +154,7 @@ def _variance(std: str) -> str:
 
 
 def _threshold(run: Run, view: View) -> float:
-    return float(run.provenance.settings.get(str(view.threshold), float("nan")))
+    return float(run.provenance.settings.value(str(view.threshold)))
 
 
 def stands_alone(numbers: pl.Series) -> bool:
@@ -165,8 +165,8 @@ def stands_alone(numbers: pl.Series) -> bool:
 
 
 def _period_ns(run: Run) -> int:
-    """The period of the grid; 10 ms where the settings do not say."""
-    return round(_NS / float(run.provenance.settings.get("rate_hz", 100.0)))
+    """The period of the grid."""
+    return round(_NS / run.provenance.settings.align.rate_hz)
 
 
 def _numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:

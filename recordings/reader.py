@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 #: The property of a recording that says what payscope wrote into it.
 PROPERTY = "payscope"
-FORMAT = 1
+#: Raised whenever what is stored changes its meaning: 2 has settings by stage.
+FORMAT = 2
 
 
 def read_recording(path: str | Path) -> Run:

@@ -106,7 +106,7 @@ _YAW_TORQUE = _lines("Yaw torque", "excitation", torque_z_N_m="yaw torque")
 _INDEX = _lines(
     "Information index",
     "gate",
-    "threshold_nat",
+    "gate.threshold_nat",
     mi_x_nat="index of the window",
     ksg_x_nat="mutual information by nearest neighbours",
     mi_z_nat="index of the window, yaw",

@@ -158,7 +158,8 @@ def calibration(run: Run) -> str:
 def settings(run: Run) -> str:
     """Every setting, and the machine file as resolved."""
     about = run.provenance
-    rows = [(name, json.dumps(value)) for name, value in sorted(_flat(about.settings))]
+    values = _flat(about.settings.model_dump(mode="json"))
+    rows = [(name, json.dumps(value)) for name, value in sorted(values)]
     machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
     return "\n\n".join(
         ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]

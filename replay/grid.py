@@ -8,7 +8,7 @@ from estimators.errors import MachineError
 
 #: A grid larger than this is a slip of the pen: days of replays.
 _LARGEST = 10_000
-_HOW = "write it as KEY=FROM:TO:STEP or KEY=A,B,C, as settings.threshold_nat=0.5:1.5:0.2"
+_HOW = "write it as KEY=FROM:TO:STEP or KEY=A,B,C, as settings.gate.threshold_nat=0.5:1.5:0.2"
 
 
 def combinations(over: Sequence[str]) -> list[tuple[str, ...]]:

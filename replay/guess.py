@@ -93,7 +93,7 @@ def machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
     for column, formula in derived.items():
         lines += [f"[channels.{column}]", f'derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    lines += ["", *_others(topics, guesses), "", "[settings]"]
+    lines += ["", *_others(topics, guesses), "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
 

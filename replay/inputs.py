@@ -169,11 +169,11 @@ def provenance(
                 digest = hashlib.file_digest(stream, "sha256").hexdigest()
             inputs.append(InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size))
     resolved = machine.model_dump(mode="json")
-    settings = resolved.pop("settings")
+    del resolved["settings"]
     return Provenance(
         inputs=tuple(inputs),
         machine=resolved,
-        settings=settings,
+        settings=machine.settings,
         versions={"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}},
         t0_unix_ns=t0_unix_ns,
         stamps=stamps,

@@ -44,7 +44,7 @@ def run(
     on_stage("align")  # one grid, the last value at or before, never over a gap
     aligned, t0_unix_ns = align(channels, machine)
     on_stage("smooth")  # the trailing moving mean, alike on every column
-    smoothed = smooth(aligned, settings)
+    smoothed = smooth(aligned, settings.smooth)
     on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion
     excitation = forces(smoothed, machine)
     on_stage("gate")  # the index (11) over each window, and a reason for each

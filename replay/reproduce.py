@@ -136,10 +136,10 @@ def _campaign(
     scenario: Scenario, machine: Machine, wanted: Collection[str]
 ) -> dict[str, pl.DataFrame]:
     """What one campaign gives to the items that are made of many."""
-    settings = machine.settings.model_copy(
-        update={
-            "window_samples": tables.WINDOW_SAMPLES,
-            "threshold_nat": tables.THRESHOLD_NAT,
+    settings = machine.settings.changed(
+        {
+            "gate.window_samples": tables.WINDOW_SAMPLES,
+            "gate.threshold_nat": tables.THRESHOLD_NAT,
         }
     )
     campaign = replay_simulated(scenario, machine.model_copy(update={"settings": settings}))
@@ -176,7 +176,7 @@ def _over(campaign: Campaign, setting: str, values: Collection[float]) -> pl.Dat
     """The errors of a campaign over the values of a setting."""
     frames: list[pl.DataFrame] = []
     for value in values:
-        settings = campaign.settings.model_copy(update={setting: value})
+        settings = campaign.settings.changed({f"gate.{setting}": value})
         again = judged_anew(campaign, settings)
         frames.append(
             errors(again).with_columns(

@@ -48,7 +48,7 @@ def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]
     """
     key, equals, text = override.partition("=")
     if not equals or not key.strip():
-        raise error(f"--set {override}: write it as key=value, as settings.rate_hz=50")
+        raise error(f"--set {override}: write it as key=value, as settings.align.rate_hz=50")
     value = read_value(text)
     *sections, name = key.strip().split(".")
     place = content

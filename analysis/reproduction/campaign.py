@@ -41,7 +41,7 @@ class Campaign:
     @property
     def settings(self) -> Settings:
         """The settings of the replay."""
-        return Settings.model_validate(self.replayed.provenance.settings)
+        return self.replayed.provenance.settings
 
     def estimates(self) -> pl.DataFrame:
         """One mass a method and run."""
@@ -65,7 +65,7 @@ def accepting(campaign: Campaign, gated: pl.DataFrame, settings: Settings) -> Ca
             "gate": gated,
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
         },
-        about.model_copy(update={"settings": settings.model_dump(mode="json")}),
+        about.model_copy(update={"settings": settings}),
     )
     return replace(campaign, replayed=replayed)
 
@@ -96,7 +96,7 @@ def run_bound_kg(campaign: Campaign) -> float:
     what (7) says.
     """
     frames, scenario = campaign.replayed.frames, campaign.scenario
-    window = campaign.settings.window_samples
+    window = campaign.settings.gate.window_samples
     used = samples_of(frames["gate"]["accepted_x"].to_numpy(), window)
     unix_ns = frames["excitation"]["t_ns"] + campaign.replayed.provenance.t0_unix_ns
     a, v = pl.col("acc_x_m_s2"), pl.col("speed_x_m_s")

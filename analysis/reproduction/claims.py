@@ -27,7 +27,7 @@ def fed(campaign: Campaign, how: str, settings: Settings) -> Campaign:
         settings: the gate, which estimators, and how they forget.
     """
     if how == "ungated":
-        settings = settings.model_copy(update={"exclude_braking": False})
+        settings = settings.changed({"gate.exclude_braking": False})
     gated = gate(campaign.replayed.frames["excitation"], settings)
     if how != "gated":
         refused = _INCOMPLETE if how == "ungated" else (*_INCOMPLETE, "braking")
@@ -37,8 +37,8 @@ def fed(campaign: Campaign, how: str, settings: Settings) -> Campaign:
 
 def cruise_error_kg(campaign: Campaign, how: str, *, directional: bool = False) -> float:
     """The error of RLS at the end of the cruise of a campaign of one run; NaN without estimate."""
-    methods = {"methods": ("rls",), "directional_forgetting": directional}
-    again = fed(campaign, how, campaign.settings.model_copy(update=methods))
+    methods = {"trace.methods": ("rls",), "trace.directional_forgetting": directional}
+    again = fed(campaign, how, campaign.settings.changed(methods))
     cruised_ns = int(campaign.runs["braking_ns"][0]) - again.replayed.provenance.t0_unix_ns
     before = again.replayed.frames["estimates/rls"].filter(pl.col("t_ns") <= cruised_ns)
     if before.is_empty():
@@ -54,7 +54,7 @@ def campaign_claims(campaign: Campaign) -> pl.DataFrame:
         `rms_kg` and `rms_left_out_kg` of the runs' masses after (19), and `mean_abs_kg`, the mean
         size of their error with every load in the fit.
     """
-    rls = campaign.settings.model_copy(update={"methods": ("rls",)})
+    rls = campaign.settings.changed({"trace.methods": ("rls",)})
     estimates = {"gated": campaign.estimates()} | {
         how: fed(campaign, how, rls).estimates() for how in FED[1:]
     }

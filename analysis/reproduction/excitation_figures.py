@@ -52,13 +52,13 @@ def fig_2_item(campaign: Campaign) -> Item:
 
 def fig_3_item(campaign: Campaign) -> Item:
     """Mass and friction over time under the triangular force."""
-    rate_hz = campaign.settings.rate_hz
-    settings = campaign.settings.model_copy(
-        update={
-            "window_samples": round(WINDOW_S * rate_hz),
-            "methods": paper.METHODS,
+    rate_hz = campaign.settings.align.rate_hz
+    settings = campaign.settings.changed(
+        {
+            "gate.window_samples": round(WINDOW_S * rate_hz),
+            "trace.methods": paper.METHODS,
             # the drive itself slows the machine down
-            "exclude_braking": False,
+            "gate.exclude_braking": False,
         }
     )
     estimates = _driven(campaign, settings).replayed.frames
@@ -94,7 +94,7 @@ def fig_4_item(campaign: Campaign) -> Item:
     excitation = campaign.replayed.frames["excitation"]
     A = planar.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
     A, f = np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
-    rate_hz = campaign.settings.rate_hz
+    rate_hz = campaign.settings.align.rate_hz
     window = round(WINDOW_S * rate_hz)
     known = np.isfinite(A).all(axis=1) & np.isfinite(f)
     # the brakes that end the drive are no part of (8)
@@ -208,7 +208,7 @@ def _converging(series: pl.DataFrame, settings: Settings) -> str:
         .agg(pl.col("square").mean())
         .iter_rows()
     }
-    memory = (1.0 + settings.forgetting) / (1.0 - settings.forgetting)
+    memory = (1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting)
     later = rms["rls", False] / rms["ls", False]
     alike = 0.8 < later < 1.25
     told = "about as sensitive to noise as" if alike else "less sensitive to noise than"
@@ -220,5 +220,5 @@ def _converging(series: pl.DataFrame, settings: Settings) -> str:
         "paper says: it starts from the OLS estimate of the first window, but with P0 = I/σ² it "
         f"takes that for little more than a guess. Later it is {told} LS: its weights are worth "
         f"(1 + λ)/(1 - λ) = {memory:.0f} samples, a window of {WINDOW_S:g} s holds "
-        f"{settings.window_samples}."
+        f"{settings.gate.window_samples}."
     )

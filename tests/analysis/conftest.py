@@ -12,6 +12,7 @@ from analysis.forces import forces
 from analysis.machine import Machine
 from analysis.smooth import smooth
 from analysis.stamps import place
+from tests.analysis.settings_by_name import staged
 
 T0_NS = 1_700_000_000_000_000_000
 RATE_HZ = 100
@@ -97,7 +98,7 @@ def make_machine(settings=None, body=None, **channels):
         {
             "machine": {"name": "loader", "empty_mass_kg": 3614.0, **(body or {})},
             "channels": {name: channel for name, channel in fields.items() if channel},
-            "settings": settings or {},
+            "settings": staged(**(settings or {})),
         }
     )
 
@@ -136,7 +137,7 @@ def make_excitation(drive, machine=None):
     placed, _, _ = place(make_raw(drive))
     channels, _, _ = derive(placed, machine)
     aligned, _ = align(channels, machine)
-    return forces(smooth(aligned, machine.settings), machine)
+    return forces(smooth(aligned, machine.settings.smooth), machine)
 
 
 @pytest.fixture(scope="session")

@@ -20,6 +20,7 @@ from analysis.smooth import smooth
 from analysis.trace import trace
 from analysis.verdict import can_weigh, tells_inertia, verdict
 from estimators import planar as model
+from tests.analysis.settings_by_name import staged
 
 RATE_HZ = 100
 #: In the order of `model.PARAMETERS`: a loader whose centre of mass lies 138 mm ahead.
@@ -147,7 +148,9 @@ def machine(without=(), imu=None, **settings):
     body = {"name": "loader", "empty_mass_kg": 3614.0}
     if imu is not None:
         body["imu"] = imu.model_dump()
-    return Machine.model_validate({"machine": body, "channels": channels, "settings": settings})
+    return Machine.model_validate(
+        {"machine": body, "channels": channels, "settings": staged(**settings)}
+    )
 
 
 def replayed(said, loader=None):
@@ -156,7 +159,7 @@ def replayed(said, loader=None):
     settings = loader.settings
     channels, _, _ = derive({"table": said}, loader)
     aligned, _ = align(channels, loader)
-    excitation = forces(smooth(aligned, settings), loader)
+    excitation = forces(smooth(aligned, settings.smooth), loader)
     gated = gate(excitation, settings)
     estimates = trace(excitation, gated, settings)
     judged = verdict(excitation, gated, loader)

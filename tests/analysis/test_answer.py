@@ -29,7 +29,7 @@ def replayed(drive, excitation_of, machine):
                 "verdict": verdict(excitation, gated, made),
             },
             Provenance(
-                settings=made.settings.model_dump(mode="json"),
+                settings=made.settings,
                 losses=(Loss(source="stamps", topic="/imu", what="lost"),),
                 notes=("a note",),
             ),

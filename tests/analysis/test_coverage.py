@@ -58,7 +58,7 @@ def excitation_of_starts(seed, machine):
     channels = {
         name: pl.DataFrame({"unix_ns": stamps, name: values}) for name, values in columns.items()
     }
-    return forces(smooth(align(channels, machine)[0], machine.settings), machine)
+    return forces(smooth(align(channels, machine)[0], machine.settings.smooth), machine)
 
 
 def textbook_deviations(A, f, ids):

@@ -15,7 +15,7 @@ SEEDS = range(10)
 def errors(drive, excitation_of, machine):
     """Errors in kg of the last RLS state of the cruise: (seeds,) by gated and directional."""
     settings = machine().settings
-    window = settings.window_samples
+    window = settings.gate.window_samples
     found = {}
     for seed in SEEDS:
         excitation = excitation_of(
@@ -27,7 +27,7 @@ def errors(drive, excitation_of, machine):
         accepted = gate(excitation, settings)["accepted_x"].to_numpy()
         for gated in (True, False):
             for directional in (True, False):
-                options = rls.RlsOptions(settings.forgetting, directional)
+                options = rls.RlsOptions(settings.trace.forgetting, directional)
                 traced = rls.trace(A, f, window, accepted if gated else every, options)
                 error = traced.theta[-1, 0] - TRUE_KG
                 found.setdefault((gated, directional), []).append(error)

@@ -139,9 +139,9 @@ def test_by_default_a_pulse_stays_where_it_is_and_with_causal_nothing_looks_ahea
 ):
     pulse = np.exp(-(((np.arange(500) - 250) / 15.0) ** 2))
     raw = loader(raw_topic, force=pulse)
-    smooth, _, _ = derived(raw, from_position(machine, derivative_cutoff_hz=5.0))
+    smooth, _, _ = derived(raw, from_position(machine, cutoff_hz=5.0))
     assert smooth["force_x_N"]["force_x_N"].arg_max() == 250
-    causal = from_position(machine, derivative_cutoff_hz=5.0, causal=True)
+    causal = from_position(machine, cutoff_hz=5.0, causal=True)
     before, _, _ = derived(raw, causal)
     later = loader(raw_topic, force=np.where(np.arange(500) > 300, 1e6, pulse))
     after, _, _ = derived(later, causal)
@@ -232,7 +232,7 @@ def test_a_side_that_comes_back_after_a_gap_makes_no_spike_of_acceleration(raw_t
     raw["/imu"] = raw_topic(T[there] + 4 * MS, x=np.where(there < 250, 0.0, 10.0))
     made = wheels(
         machine,
-        {"acceleration": "kinematic", "derivative_cutoff_hz": 40.0},
+        {"acceleration": "kinematic", "cutoff_hz": 40.0},
         acc_x_m_s2={"derive": "d/dt speed_x_m_s"},
     )
     channels, _, _ = derived(raw, made)

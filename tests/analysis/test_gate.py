@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.gate import accepted_samples, gate, samples_of, windows_with
-from analysis.settings import Settings
+from tests.analysis.settings_by_name import settings_of
 
 W = 320
 
 
 def settings(**changes):
-    return Settings(window_samples=W, **changes)
+    return settings_of(window_samples=W, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -253,7 +253,7 @@ def test_another_gate_decides_by_its_own_column(start, changes, column, better):
 
 
 def test_ksg_is_computed_only_where_nothing_else_refuses_the_window(start):
-    judged = gate(start, settings(gate="ksg"))
+    judged = gate(start, settings(index="ksg"))
     settled = judged["reason_x"].is_in(["accepted", "low_information", "ill_conditioned"])
     np.testing.assert_array_equal(judged["ksg_x_nat"].is_not_null(), settled)
     assert "ksg_x_nat" not in gate(start, settings()).columns

@@ -36,7 +36,7 @@ def test_a_name_and_three_channels_are_enough():
     assert machine.machine.force_share == 1.0
     assert machine.machine.gravity_m_s2 == 9.80665
     assert str(machine.machine.zone) == "UTC"
-    assert machine.settings.window_samples == 320
+    assert machine.settings.gate.window_samples == 320
     assert machine.log == LogSection()
 
 
@@ -44,7 +44,8 @@ def test_a_name_and_three_channels_are_enough():
     "sections",
     [
         {"body": {"wheel_radius": 0.4}},
-        {"settings": {"windows": 3}},
+        {"settings": {"xyz": 3}},
+        {"settings": {"gate": {"windows": 3}}},
         {"fleet": {}},
         {"log": {"times": "t"}},
         {"channels": FORCE | SPEED | IMU | {"pitch_rad": {"field": "p", "units": "deg"}}},
@@ -54,6 +55,12 @@ def test_a_name_and_three_channels_are_enough():
 )
 def test_an_unknown_key_is_refused_in_every_section(sections):
     assert "Extra inputs are not permitted" in refusal(**sections)
+
+
+def test_a_setting_outside_its_stage_is_refused_with_the_stage():
+    assert refusal(settings={"windows": 3}) == (
+        "unknown key 'windows'; did you mean 'gate.window_samples'?"
+    )
 
 
 @pytest.mark.parametrize(
@@ -190,7 +197,7 @@ def test_derivations_are_read_with_any_spacing():
         ),
         (
             FORCE | SPEED,
-            "settings.acceleration is 'specific_force', which needs "
+            "settings.forces.acceleration is 'specific_force', which needs "
             "channels.specific_force_x_m_s2; give it, or choose the other of specific_force, "
             "kinematic",
         ),

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis.machine import ImuMounting
 from analysis.mounting import at_origin, inclination, rotation, to_machine_axes
-from analysis.settings import Settings
+from analysis.settings import AlignSettings
 from estimators.errors import DataError
 
 AXES = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_force_z_m_s2")
@@ -23,7 +23,7 @@ def columns(names, vectors):
 def turned(seen, imu):
     """What `to_machine_axes` makes of columns that share their stamps."""
     stamps = {name: np.arange(x.size) * 10_000_000 for name, x in seen.items()}
-    out = to_machine_axes({n: (stamps[n], x) for n, x in seen.items()}, imu, Settings())
+    out = to_machine_axes({n: (stamps[n], x) for n, x in seen.items()}, imu, AlignSettings())
     assert all(np.array_equal(out[name][0], t) for name, t in stamps.items())
     return {name: x for name, (_, x) in out.items()}
 
@@ -135,7 +135,7 @@ def test_an_axis_with_stamps_of_its_own_is_held_while_it_is_fresh_and_no_longer(
     t = np.arange(100) * 10_000_000
     late = t[:50] + 4_000_000
     seen = {name: (t, np.ones(100)) for name in RATES[:2]} | {RATES[2]: (late, np.full(50, 3.0))}
-    out = to_machine_axes(seen, ImuMounting(roll_deg=180), Settings())
+    out = to_machine_axes(seen, ImuMounting(roll_deg=180), AlignSettings())
     stamps, yaw_rate = out[RATES[2]]
     np.testing.assert_array_equal(stamps, t[1:53])
     np.testing.assert_allclose(yaw_rate, -3.0)

@@ -14,6 +14,7 @@ from analysis.gate import gate
 from analysis.segments import pooled_samples
 from analysis.settings import Settings
 from analysis.trace import trace
+from tests.analysis.settings_by_name import settings_of
 
 EVERY = ("ls", "rls", "fgls", "tls", "rtls", "huber", "pooled")
 THETA = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
@@ -23,7 +24,7 @@ MANOEUVRES = ("standstill", "start", "cruise", "brake")
 def on_board(excitation, settings):
     """Every step, the estimates by method as (row, θ), and the state after the last row."""
     state = online.start(settings)
-    moments, found = [], {method: [] for method in settings.methods}
+    moments, found = [], {method: [] for method in settings.trace.methods}
     for row in excitation.iter_rows(named=True):
         step = online.step(state, row)
         state = step.state
@@ -97,11 +98,11 @@ def choices(draw):
         "exclude_braking": draw(st.booleans()),
         "forgetting": draw(st.sampled_from([0.998, 0.9, 1.0])),
         "directional_forgetting": draw(st.booleans()),
-        "gate": draw(st.sampled_from(["information", "variance"])),
+        "index": draw(st.sampled_from(["information", "variance"])),
         "slip_acc_m_s2": draw(st.sampled_from([None, 0.5])),
         "saturation_force_N": draw(st.sampled_from([None, 5500.0])),
     }
-    return Settings.model_validate({**chosen, "methods": EVERY})
+    return settings_of(**chosen, methods=EVERY)
 
 
 @given(log=logs(), settings=choices())
@@ -120,14 +121,14 @@ def two_starts(drive, excitation_of):
 
 
 def test_the_papers_window_accepts_and_pools_as_in_replay(two_starts):
-    settings = Settings(methods=EVERY)
+    settings = Settings(trace={"methods": EVERY})
     gated, found = assert_as_in_replay(two_starts, settings)
     assert gated["accepted_x"].sum() > 100
     assert len(found["pooled"]) == 2
 
 
 def test_a_log_that_ends_in_braking_pools_nothing_that_braking_may_claim(two_starts):
-    settings = Settings(methods=EVERY, window_samples=60)
+    settings = Settings(trace={"methods": EVERY}, gate={"window_samples": 60})
     braking = np.flatnonzero((two_starts["phase"] == "braking").fill_null(False).to_numpy())
     _, found = assert_as_in_replay(two_starts[: int(braking[0]) + 3], settings)
     assert found["pooled"][-1][0] == braking[0] - 20
@@ -142,20 +143,20 @@ def test_with_a_coulomb_column(drive, excitation_of, machine):
 
 
 def test_with_the_gate_of_nearest_neighbours(two_starts):
-    settings = Settings(gate="ksg", window_samples=100, methods=("ls",))
+    settings = Settings(gate={"index": "ksg", "window_samples": 100}, trace={"methods": ("ls",)})
     gated, _ = assert_as_in_replay(two_starts[:700], settings)
     assert gated["ksg_x_nat"].is_not_null().any()
 
 
 def test_a_log_without_an_accelerometer_or_any_row(two_starts):
-    settings = Settings(methods=EVERY)
+    settings = Settings(trace={"methods": EVERY})
     assert_as_in_replay(two_starts.drop("specific_force_x_m_s2"), settings)
     assert list(online.finish(online.start(settings))) == [{}]
 
 
 def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_starts):
     """Braking is seen at once, so the manoeuvre that it ends is over then."""
-    settings = Settings(methods=("pooled",))
+    settings = Settings(trace={"methods": ("pooled",)})
     numbers = pooled_samples(two_starts, gate(two_starts, settings), settings)
     state, came = online.start(settings), {}
     for k, row in enumerate(two_starts.iter_rows(named=True)):
@@ -171,7 +172,7 @@ def test_a_pooled_estimate_comes_when_braking_can_claim_no_sample_of_it(two_star
 
 
 def test_a_step_leaves_the_state_that_it_was_given(two_starts):
-    settings = Settings(methods=EVERY, window_samples=60)
+    settings = Settings(trace={"methods": EVERY}, gate={"window_samples": 60})
     state = online.start(settings)
     rows = list(two_starts[:400].iter_rows(named=True))
     for row in rows[:300]:
@@ -185,7 +186,7 @@ def test_a_step_leaves_the_state_that_it_was_given(two_starts):
 
 def test_the_deviations_are_those_of_a_moving_mean_over_white_noise(drive, excitation_of):
     """Their own, but of the size of the replay's."""
-    settings = Settings(methods=("ls", "rls", "tls", "huber", "fgls", "rtls", "pooled"))
+    settings = Settings(trace={"methods": ("ls", "rls", "tls", "huber", "fgls", "rtls", "pooled")})
     excitation = excitation_of(drive(seconds=(1.5, 6.0, 2.0, 1.5)))
     gated = gate(excitation, settings)
     frames = trace(excitation, gated, settings)

@@ -108,7 +108,7 @@ def test_without_speed_or_its_rate_there_is_no_phase():
 
 @given(st.floats(0.01, 2.0), st.integers(0, 80), st.integers(1, 5))
 def test_the_rate_of_speed_never_reaches_over_a_missing_sample(span_s, at, lost):
-    settings = Settings(speed_rate_span_s=span_s, rate_hz=20)
+    settings = Settings(phases={"speed_rate_span_s": span_s}, align={"rate_hz": 20})
     span = max(1, round(span_s * 20))
     speed = np.where(np.arange(120) < at, 0.0, 1000.0)
     speed[at : at + lost] = np.nan

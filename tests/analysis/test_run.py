@@ -5,6 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from analysis.run import InputFile, Loss, Provenance, Run
+from analysis.settings import Settings
 
 
 def run(**changes):
@@ -14,7 +15,7 @@ def run(**changes):
     }
     provenance = Provenance(
         inputs=(InputFile(name="shift.mcap", sha256="ab", size_bytes=3),),
-        settings={"rate_hz": 100.0},
+        settings=Settings(align={"rate_hz": 100.0}),
         losses=(Loss(source="stamps", what="lost"),),
     )
     return Run(**{"frames": frames, "provenance": provenance, **changes})

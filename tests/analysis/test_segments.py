@@ -29,7 +29,7 @@ def test_a_start_from_standstill_into_cruise_is_one_manoeuvre_and_braking_anothe
 
 def test_where_braking_counts_as_driving_it_ends_no_manoeuvre():
     trip = (("standstill", 2), ("accelerating", 2), ("braking", 2), ("standstill", 1))
-    assert ids(Settings(exclude_braking=False), *trip) == [0] * 7
+    assert ids(Settings(gate={"exclude_braking": False}), *trip) == [0] * 7
 
 
 def test_each_kind_of_turn_is_its_own_manoeuvre():
@@ -82,7 +82,7 @@ def test_times_and_counts_of_the_segments_are_those_of_their_rows(two_starts):
 
 
 def test_without_an_accepted_window_every_segment_has_a_reason_and_no_mass(two_starts):
-    table, _ = made(two_starts, Settings(threshold_nat=50.0))
+    table, _ = made(two_starts, Settings(gate={"threshold_nat": 50.0}))
     assert table.height > 0
     assert "mass_kg" not in table.columns or table["mass_kg"].null_count() == table.height
     assert "accepted" not in table["reason"].to_list()
@@ -91,7 +91,7 @@ def test_without_an_accepted_window_every_segment_has_a_reason_and_no_mass(two_s
 
 def test_a_refused_stretch_of_braking_that_counts_as_driving_says_what_the_gate_said(two_starts):
     braking = two_starts.with_columns(phase=pl.lit("braking", dtype=PHASE))
-    table, _ = made(braking, Settings(exclude_braking=False, threshold_nat=50.0))
+    table, _ = made(braking, Settings(gate={"exclude_braking": False, "threshold_nat": 50.0}))
     assert table["phase"].to_list() == ["braking"]
     assert table["reason"].to_list() == ["low_information"]
 

@@ -3,23 +3,46 @@
 import pytest
 from pydantic import ValidationError
 
-from analysis.settings import Settings, VerdictLimits
+from analysis.settings import MOVED, Settings, VerdictLimits
+from tests.analysis.settings_by_name import settings_of
 
 
 def test_the_papers_values_are_the_defaults():
     settings = Settings()
-    assert settings.rate_hz == 100.0
-    assert settings.smooth_samples == 10
-    assert settings.window_samples == 320
-    assert settings.threshold_nat == 0.7
-    assert settings.acceleration == "specific_force"
-    assert settings.exclude_braking
-    assert set(settings.methods) == {"ls", "rls", "fgls", "tls", "pooled"}
+    assert settings.align.rate_hz == 100.0
+    assert settings.smooth.samples == 10
+    assert settings.gate.window_samples == 320
+    assert settings.gate.threshold_nat == 0.7
+    assert settings.forces.acceleration == "specific_force"
+    assert settings.gate.exclude_braking
+    assert set(settings.trace.methods) == {"ls", "rls", "fgls", "tls", "pooled"}
 
 
 def test_every_setting_says_what_it_does():
-    for name, field in Settings.model_fields.items():
-        assert field.description or name == "verdict", name
+    for part in Settings.parts().values():
+        assert part.__doc__
+        for name, field in part.model_fields.items():
+            assert field.description, name
+
+
+def test_no_two_stages_have_a_setting_of_one_name():
+    names = [name for part in Settings.parts().values() for name in part.model_fields]
+    assert len(names) == len(set(names))
+
+
+def test_every_key_of_the_flat_table_leads_to_a_setting():
+    for old, new in MOVED.items():
+        assert Settings().value(new) is not None or new.startswith("gate.s"), old
+
+
+def test_settings_are_changed_by_their_dotted_names():
+    changed = Settings().changed({"gate.window_samples": 400, "trace.methods": ("ls",)})
+    assert changed.gate.window_samples == 400
+    assert changed.trace.methods == ("ls",)
+    assert changed.align == Settings().align
+    for name in ("gate.window_sample", "windows.samples"):
+        with pytest.raises(ValidationError):
+            Settings().changed({name: 400})
 
 
 @pytest.mark.parametrize(
@@ -28,20 +51,20 @@ def test_every_setting_says_what_it_does():
         ("rate_hz", 0),
         ("rate_hz", 20_000),
         ("rate_hz", float("nan")),
-        ("smooth_samples", 0),
-        ("smooth_samples", 2.5),
+        ("samples", 0),
+        ("samples", 2.5),
         ("window_samples", 3),
-        ("gate", "luck"),
+        ("index", "luck"),
         ("acceleration", "imu"),
         ("methods", ()),
         ("methods", ("kalman",)),
         ("forgetting", 0.5),
         ("forgetting", 1.01),
         ("fgls_floor", 0.01),
-        ("tls_noise_force_N", 0),
-        ("tls_noise_acc_m_s2", -1),
-        ("tls_noise_speed_m_s", 0),
-        ("derivative_cutoff_hz", 0),
+        ("force_N", 0),
+        ("acc_m_s2", -1),
+        ("speed_m_s", 0),
+        ("cutoff_hz", 0),
         ("gap_periods", 1),
         ("speed_rate_span_s", 0),
         ("standstill_speed_m_s", -0.1),
@@ -57,9 +80,9 @@ def test_every_setting_says_what_it_does():
 )
 def test_a_value_that_makes_no_sense_is_refused(name, value):
     with pytest.raises(ValidationError):
-        Settings.model_validate({name: value})
+        settings_of(**{name: value})
 
 
 def test_settings_are_plain_values_and_back():
-    settings = Settings(window_samples=400, verdict=VerdictLimits(r_squared_min=0.1))
+    settings = Settings(gate={"window_samples": 400}, verdict=VerdictLimits(r_squared_min=0.1))
     assert Settings.model_validate(settings.model_dump(mode="json")) == settings

@@ -215,7 +215,7 @@ def test_intervals_of_every_method_cover_the_inertia_however_it_takes_the_noise_
 
 def test_windows_that_keep_the_noise_of_their_columns_say_so_in_their_deviation(stages):
     """Their scatter is a third of what the noise of a derived yaw acceleration draws them by."""
-    quiet = machine(tls_noise_yaw_acc_rad_s2=1e-9, tls_noise_yaw_rate_rad_s=1e-9)
+    quiet = machine(yaw_acc_rad_s2=1e-9, yaw_rate_rad_s=1e-9)
     blind = replayed(sensors(starts() + spins()), quiet)
     for method in ("ls", "fgls"):
         knows, does_not = (

@@ -8,6 +8,7 @@ from analysis.gate import accepted_samples, gate
 from analysis.segments import manoeuvres, segments
 from analysis.settings import Settings
 from analysis.trace import trace
+from tests.analysis.settings_by_name import settings_of
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
@@ -18,7 +19,7 @@ def two_starts(drive, excitation_of):
 
 
 def traced(excitation, **settings):
-    settings = Settings(**settings)
+    settings = settings_of(**settings)
     gated = gate(excitation, settings)
     return trace(excitation, gated, settings), gated
 
@@ -94,9 +95,7 @@ def test_coulomb_adds_its_columns(two_starts):
 
 def test_the_options_of_the_methods_are_those_of_the_settings(two_starts):
     few, _ = traced(two_starts)
-    other, _ = traced(
-        two_starts, forgetting=0.95, fgls_floor=1.0, tls_noise_acc_m_s2=0.2, methods=tuple(few)
-    )
+    other, _ = traced(two_starts, forgetting=0.95, fgls_floor=1.0, acc_m_s2=0.2, methods=tuple(few))
     for method in ("rls", "fgls", "tls"):
         assert not few[method]["mass_kg"].equals(other[method]["mass_kg"])
     assert few["ls"].equals(other["ls"])

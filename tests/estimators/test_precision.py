@@ -91,7 +91,7 @@ def assert_digits(found, exact, digits=1e-9):
     assert np.max(np.abs(found - exact) / size) <= digits
 
 
-#: What the gate accepts at most (settings.condition_max).
+#: What the gate accepts at most (settings.gate.condition_max).
 ACCEPTED = 1000.0
 
 

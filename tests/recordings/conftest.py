@@ -293,7 +293,7 @@ def _provenance() -> Provenance:
             },
             "channels": {"force_x_N": {"topic": "/torque", "field": "effort[left]"}},
         },
-        settings=Settings.model_validate({}).model_dump(mode="json"),
+        settings=Settings(),
         versions={"payscope": "0.1.0", "polars": pl.__version__},
         t0_unix_ns=T0_UNIX_NS,
         stamps={"/torque": "header"},

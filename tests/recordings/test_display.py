@@ -2,7 +2,7 @@
 
 import polars as pl
 
-from analysis import Provenance, Run
+from analysis import Provenance, Run, Settings
 from analysis.schema import PHASE
 from recordings.display import axis_range, display_frames, drawn_of, is_long
 from recordings.table import STATE, TABS, View
@@ -16,7 +16,7 @@ def _view(name: str) -> View:
 
 
 def _run(**frames: pl.DataFrame) -> Run:
-    settings = {"rate_hz": 1.0, "threshold_nat": 0.7}
+    settings = Settings(align={"rate_hz": 1.0})
     named = {name.replace("__", "/"): frame for name, frame in frames.items()}
     return Run(named, Provenance(settings=settings))
 

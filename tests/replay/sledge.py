@@ -47,7 +47,7 @@ field = "speed_m_s"
 [channels.acc_x_m_s2]
 field = "acc_m_s2"
 
-[settings]
+[settings.forces]
 acceleration = "kinematic"
 """
 

@@ -107,7 +107,7 @@ def test_slope_is_in_the_specific_force_but_not_in_the_wheels(tmp_path: Path) ->
     )
     (log,) = simulate(steep, tmp_path / "slope.bag")
     from_wheels = [
-        'settings.acceleration="kinematic"',
+        'settings.forces.acceleration="kinematic"',
         'channels.acc_x_m_s2={derive = "d/dt speed_x_m_s"}',
     ]
     biases = [

@@ -122,7 +122,7 @@ class TestInit:
         assert said.err == ""
         said = payscope(
             "run", shared_data / name, "-m", made, "--json",
-            "--set", "settings.exclude_braking=false",
+            "--set", "settings.gate.exclude_braking=false",
         )  # fmt: skip
         assert json.loads(said.out)["mass_kg"]["pooled"] == pytest.approx(95.11, rel=0.02)
 

@@ -60,7 +60,7 @@ class TestRun:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope(
-            "run", log, "-m", machine_file, "--json", "--set", "settings.threshold_nat=9"
+            "run", log, "-m", machine_file, "--json", "--set", "settings.gate.threshold_nat=9"
         )
         assert said.status == 1
         assert json.loads(said.out)["accepted_share"] == 0
@@ -168,7 +168,7 @@ time = "time_s"
         + """
 [channels.yaw_acc_rad_s2]
 derive = "d/dt yaw_rate_rad_s"
-[settings]
+[settings.trace]
 methods = ["pooled"]
 """
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from analysis.settings import MOVED
 from recordings import read_recording
 from tests.replay.sledge import Payscope, Said, one_line, sledge
 
@@ -60,7 +61,18 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "settings.window_sample=400")
-        one_line(said, "settings.window_sample", "did you mean 'window_samples'?")
+        one_line(said, "settings: unknown key 'window_sample'", "'gate.window_samples'?")
+        said = payscope("run", log, "-m", machine_file, "--set", "settings.gate.window=400")
+        one_line(said, "settings.gate.window", "did you mean 'window_samples'?")
+
+    @pytest.mark.parametrize(("old", "new"), sorted(MOVED.items()))
+    def test_a_key_of_the_flat_table_is_answered_with_the_new_one(
+        self, payscope: Payscope, log: Path, machine_file: Path, old: str, new: str
+    ) -> None:
+        head, _, _ = machine_file.read_text().partition("[settings")
+        machine_file.write_text(f"{head}[settings]\n{old} = 1\n")
+        said = payscope("run", log, "-m", machine_file)
+        one_line(said, "sledge.toml", f"'{old}' is now 'settings.{new}'")
 
     def test_override_without_a_value(
         self, payscope: Payscope, log: Path, machine_file: Path
@@ -70,7 +82,7 @@ class TestWrongInput:
     def test_a_value_of_another_kind_is_asked_for_in_the_words_of_toml(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
-        for override, wanted in (("methods=ls", "a list"), ("verdict=3", "a table")):
+        for override, wanted in (("trace.methods=ls", "a list"), ("verdict=3", "a table")):
             said = payscope("run", log, "-m", machine_file, "--set", f"settings.{override}")
             one_line(said, f"input should be {wanted}, not")
 

@@ -44,7 +44,7 @@ def test_a_range_has_as_many_values_as_steps_fit(first: int, step: int, count: i
 @pytest.mark.parametrize(
     ("over", "part"),
     [
-        ("settings.threshold_nat", "KEY=FROM:TO:STEP"),
+        ("settings.gate.threshold_nat", "KEY=FROM:TO:STEP"),
         ("=1,2", "KEY=FROM:TO:STEP"),
         ("k=", "KEY=FROM:TO:STEP"),
         ("k=1,,2", "a value is missing"),

@@ -40,7 +40,9 @@ class TestLinearAxis:
     def test_pooled_mass_is_within_two_percent(
         self, shared_data: Path, log: str, machine_file: str, coulomb: str
     ) -> None:
-        replayed = replay(shared_data / "logs" / log, machine_file, [f"settings.coulomb={coulomb}"])
+        replayed = replay(
+            shared_data / "logs" / log, machine_file, [f"settings.forces.coulomb={coulomb}"]
+        )
         assert pooled(replayed)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
 
     def test_three_formats_give_the_same_masses(self, shared_data: Path) -> None:
@@ -64,8 +66,8 @@ class TestLinearAxis:
             shared_data / "logs/linear_axis.csv",
             "linear_axis.toml",
             [
-                f"settings.window_samples={window}",
-                'settings.methods=["ls","rls","fgls","tls","huber","rtls"]',
+                f"settings.gate.window_samples={window}",
+                'settings.trace.methods=["ls","rls","fgls","tls","huber","rtls"]',
             ],
         )
         for method in ("ls", "rls", "fgls", "tls", "huber", "rtls"):
@@ -83,7 +85,7 @@ class TestLinearAxis:
             replay(
                 shared_data / "logs/linear_axis.csv",
                 "linear_axis.toml",
-                [f"settings.window_samples={window}", f"settings.coulomb={coulomb}"],
+                [f"settings.gate.window_samples={window}", f"settings.forces.coulomb={coulomb}"],
             )
         )
         half = 1.96 * found["mass_std_kg"]
@@ -95,7 +97,7 @@ class TestLinearAxis:
     ) -> None:
         log = shared_data / "logs/linear_axis.csv"
         loose = replay(log, "linear_axis.toml")
-        strict = replay(log, "linear_axis.toml", ["settings.threshold_nat=1.1"])
+        strict = replay(log, "linear_axis.toml", ["settings.gate.threshold_nat=1.1"])
         accepted = [r.frames["gate"]["accepted_x"].sum() for r in (loose, strict)]
         assert 0 < accepted[1] < accepted[0] / 2
         gated = strict.frames["gate"].filter(pl.col("reason_x") == "low_information")
@@ -107,7 +109,7 @@ class TestLinearAxis:
         refused = replay(
             shared_data / "logs/linear_axis.csv",
             "linear_axis.toml",
-            ["settings.exclude_braking=true"],
+            ["settings.gate.exclude_braking=true"],
         )
         result = answer(refused)
         assert result["verdict"]["can_weigh"] is False
@@ -121,7 +123,9 @@ class TestLinearAxis:
         unsigned = tmp_path / "unsigned.csv"
         table.with_columns(pl.col("force_N").abs()).write_csv(unsigned)
         for exclude in ("true", "false"):
-            refused = replay(unsigned, "linear_axis.toml", [f"settings.exclude_braking={exclude}"])
+            refused = replay(
+                unsigned, "linear_axis.toml", [f"settings.gate.exclude_braking={exclude}"]
+            )
             assert {"driving_share", "partial_correlation"} <= failed_checks(refused)
 
 
@@ -138,13 +142,15 @@ class TestHusky:
         "overrides",
         [
             pytest.param((), id="as shipped"),
-            pytest.param(("settings.turning_rate_rad_s=10.0",), id="turns taken as straight"),
             pytest.param(
-                ("settings.turning_rate_rad_s=10.0", "settings.threshold_nat=0.05"),
+                ("settings.phases.turning_rate_rad_s=10.0",), id="turns taken as straight"
+            ),
+            pytest.param(
+                ("settings.phases.turning_rate_rad_s=10.0", "settings.gate.threshold_nat=0.05"),
                 id="turns taken as straight and the gate wide open",
             ),
             pytest.param(
-                ("settings.turning_rate_rad_s=10.0", "settings.exclude_braking=false"),
+                ("settings.phases.turning_rate_rad_s=10.0", "settings.gate.exclude_braking=false"),
                 id="turns taken as straight and braking as driving",
             ),
         ],
@@ -164,9 +170,9 @@ class TestHusky:
             pytest.param((), id="as shipped"),
             pytest.param(
                 (
-                    "settings.standstill_speed_m_s=0.3",
-                    "settings.window_samples=100",
-                    "settings.threshold_nat=0",
+                    "settings.phases.standstill_speed_m_s=0.3",
+                    "settings.gate.window_samples=100",
+                    "settings.gate.threshold_nat=0",
                 ),
                 id="creeping turns taken as spins and the gate wide open",
             ),

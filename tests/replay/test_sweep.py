@@ -18,12 +18,12 @@ KEYS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "payload_kg", "accepted_sh
 @pytest.mark.parametrize(
     "over",
     [
-        ["settings.threshold_nat=0.3:1.1:0.4"],
-        ["settings.window_samples=200,400", "settings.exclude_braking=true,false"],
+        ["settings.gate.threshold_nat=0.3:1.1:0.4"],
+        ["settings.gate.window_samples=200,400", "settings.gate.exclude_braking=true,false"],
         # what comes before the gate: filter, grid, channels, machine
-        ["settings.smooth_samples=1,10", "settings.rate_hz=50,100"],
+        ["settings.smooth.samples=1,10", "settings.align.rate_hz=50,100"],
         ["channels.force_x_N.delay_s=0.0,0.1", "machine.empty_mass_kg=90,110"],
-        ["settings.methods=['ls'],['huber','pooled']"],
+        ["settings.trace.methods=['ls'],['huber','pooled']"],
     ],
     ids=str,
 )
@@ -49,8 +49,8 @@ def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:
     said = payscope(
-        "sweep", log, "-m", machine_file, "--over", "settings.threshold_nat=0.7,50", "--format",
-        "csv", "--reference", "120",
+        "sweep", log, "-m", machine_file, "--over", "settings.gate.threshold_nat=0.7,50",
+        "--format", "csv", "--reference", "120",
     )  # fmt: skip
     assert said.status == 0
     good, bad = csv.DictReader(StringIO(said.out))
@@ -58,7 +58,9 @@ def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
     assert float(good["ls_error_kg"]) == pytest.approx(float(good["ls_mass_kg"]) - 120.0)
     assert (bad["can_weigh"], bad["failed"]) == ("false", "accepted_stretches")
     assert bad["ls_mass_kg"] == bad["ls_error_kg"] == ""
-    table = payscope("sweep", log, "-m", machine_file, "--over", "settings.threshold_nat=0.7,50")
+    table = payscope(
+        "sweep", log, "-m", machine_file, "--over", "settings.gate.threshold_nat=0.7,50"
+    )
     assert "no: accepted_stretches" in table.out
 
 
@@ -66,7 +68,7 @@ def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
 def test_when_no_combination_can_weigh_the_answer_is_no_as_of_run(
     payscope: Payscope, log: Path, machine_file: Path, words: list[str]
 ) -> None:
-    over = "settings.threshold_nat=50,60"
+    over = "settings.gate.threshold_nat=50,60"
     said = payscope("sweep", log, "-m", machine_file, "--over", over, *words)
     assert said.status == 1
     assert said.out.count("accepted_stretches") >= 2
@@ -80,7 +82,13 @@ def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
     campaign = small.campaign.model_copy(update={"loads_kg": (0.0, 100.0, 250.0), "runs": 3})
     logs = simulate(small.model_copy(update={"campaign": campaign}), tmp_path / "c.bag")
     said = payscope(
-        "sweep", *logs, "-m", "cat262c.toml", "--over", "settings.threshold_nat=0.7,1.3", "--json"
+        "sweep",
+        *logs,
+        "-m",
+        "cat262c.toml",
+        "--over",
+        "settings.gate.threshold_nat=0.7,1.3",
+        "--json",
     )
     for row in json.loads(said.out):
         assert set(row["rmse_kg"]) == set(row["mass_kg"])
@@ -88,7 +96,13 @@ def test_the_truth_beside_a_campaign_gives_the_errors_of_tables_3_and_4(
             assert 0.0 < row["calibrated_rmse_kg"][method] < 25.0
             assert row["calibrated_rmse_kg"][method] < row["left_out_rmse_kg"][method]
     one = payscope(
-        "sweep", logs[0], "-m", "cat262c.toml", "--over", "settings.threshold_nat=0.7", "--json"
+        "sweep",
+        logs[0],
+        "-m",
+        "cat262c.toml",
+        "--over",
+        "settings.gate.threshold_nat=0.7",
+        "--json",
     )
     (row,) = json.loads(one.out)
     assert row["rmse_kg"]["pooled"] < 25.0
@@ -100,7 +114,15 @@ def test_the_suffix_says_the_format_and_nothing_is_overwritten(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path, suffix: str
 ) -> None:
     out = tmp_path / f"rows{suffix}"
-    words = ("sweep", log, "-m", machine_file, "--over", "settings.threshold_nat=0.5,0.7", "-o")
+    words = (
+        "sweep",
+        log,
+        "-m",
+        machine_file,
+        "--over",
+        "settings.gate.threshold_nat=0.5,0.7",
+        "-o",
+    )
     assert payscope(*words, out).status == 0
     read = {".csv": pl.read_csv, ".json": pl.read_json, ".parquet": pl.read_parquet}[suffix]
     assert read(out).height == 2
@@ -114,7 +136,7 @@ def test_keys_that_end_alike_and_lists_have_their_columns_in_a_file(
     over = (
         "channels.force_x_N.scale=1.0,2.0",
         "channels.speed_x_m_s.scale=1.0",
-        "settings.methods=['ls'],['ls', 'rls']",
+        "settings.trace.methods=['ls'],['ls', 'rls']",
     )
     words = (word for each in over for word in ("--over", each))
     said = payscope("sweep", log, "-m", machine_file, *words, "--format", "csv")
@@ -139,18 +161,23 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope(
-            "sweep", log, "-m", machine_file, "--over", "settings.window_samples=0.5:1.5:0.5"
+            "sweep", log, "-m", machine_file, "--over", "settings.gate.window_samples=0.5:1.5:0.5"
         )
-        one_line(said, "settings.window_samples", "0.5")
+        one_line(said, "settings.gate.window_samples", "0.5")
 
     def test_no_grid(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
         one_line(payscope("sweep", log, "-m", machine_file), "--over")
-        said = payscope("sweep", log, "-m", machine_file, "--over", "settings.rate_hz")
+        said = payscope("sweep", log, "-m", machine_file, "--over", "settings.align.rate_hz")
         one_line(said, "KEY=FROM:TO:STEP")
 
     def test_no_log(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
         said = payscope(
-            "sweep", tmp_path / "no.bag", "-m", machine_file, "--over", "settings.rate_hz=50,100"
+            "sweep",
+            tmp_path / "no.bag",
+            "-m",
+            machine_file,
+            "--over",
+            "settings.align.rate_hz=50,100",
         )
         one_line(said, "no.bag", "no such")
 
@@ -158,13 +185,13 @@ class TestWrongInput:
     def test_a_reference_that_is_no_mass(
         self, payscope: Payscope, log: Path, machine_file: Path, mass: str
     ) -> None:
-        over = ["--over", "settings.threshold_nat=0.7"]
+        over = ["--over", "settings.gate.threshold_nat=0.7"]
         said = payscope("sweep", log, "-m", machine_file, *over, f"--reference={mass}")
         one_line(said, f"--reference {mass}", "above 0")
 
     def test_two_formats(self, payscope: Payscope, log: Path, machine_file: Path) -> None:
         said = payscope(
-            "sweep", log, "-m", machine_file, "--over", "settings.rate_hz=50", "--json",
+            "sweep", log, "-m", machine_file, "--over", "settings.align.rate_hz=50", "--json",
             "--format", "csv",
         )  # fmt: skip
         one_line(said, "--json", "--format")
@@ -175,6 +202,11 @@ class TestWrongInput:
         sledge().write_csv(tmp_path / "s.csv")
         (tmp_path / "s.csv.truth.json").write_text("{}")
         said = payscope(
-            "sweep", tmp_path / "s.csv", "-m", machine_file, "--over", "settings.rate_hz=50,100"
+            "sweep",
+            tmp_path / "s.csv",
+            "-m",
+            machine_file,
+            "--over",
+            "settings.align.rate_hz=50,100",
         )
         one_line(said, "s.csv.truth.json", "payscope simulate")

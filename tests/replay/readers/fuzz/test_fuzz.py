@@ -41,8 +41,10 @@ name = "loader"
 [channels.speed_x_m_s]
 {speed}
 
-[settings]
+[settings.forces]
 acceleration = "kinematic"
+
+[settings.gate]
 window_samples = 100
 """
 
