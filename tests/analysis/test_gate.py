@@ -236,8 +236,8 @@ def test_pooled_samples_neither_stand_still_nor_are_about_to_brake(start):
 @pytest.mark.parametrize(
     ("changes", "column", "better"),
     [
-        ({"gate": "ksg", "threshold_nat": 1.0}, "ksg_x_nat", 1),
-        ({"gate": "variance", "threshold_std_kg": 12.0}, "predicted_std_x", -1),
+        ({"index": "ksg", "threshold_nat": 1.0}, "ksg_x_nat", 1),
+        ({"index": "variance", "threshold_std_kg": 12.0}, "predicted_std_x", -1),
     ],
     ids=["ksg", "variance"],
 )

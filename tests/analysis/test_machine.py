@@ -219,9 +219,9 @@ def test_channels_that_do_not_make_a_regressor_are_refused_with_the_remedy(chann
 
 
 def test_kinematic_acceleration_needs_its_own_channel():
-    assert "channels.acc_x_m_s2" in refusal(settings={"acceleration": "kinematic"})
+    assert "channels.acc_x_m_s2" in refusal(settings={"forces": {"acceleration": "kinematic"}})
     derived = FORCE | SPEED | {"acc_x_m_s2": {"derive": "d/dt speed_x_m_s"}}
-    assert load(derived, settings={"acceleration": "kinematic"})
+    assert load(derived, settings={"forces": {"acceleration": "kinematic"}})
 
 
 def test_wheel_torques_with_a_radius_are_a_force():
@@ -235,7 +235,7 @@ def test_channels_are_derived_after_their_sources():
         "speed_right_m_s": {"field": "r"},
         "speed_left_m_s": {"field": "l"},
     }
-    order = load(chain, settings={"acceleration": "kinematic"}).derivation_order()
+    order = load(chain, settings={"forces": {"acceleration": "kinematic"}}).derivation_order()
     assert sorted(order) == sorted(chain)
     for name in order:
         for source in Channel.model_validate(chain[name]).sources:

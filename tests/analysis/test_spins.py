@@ -120,8 +120,8 @@ def test_a_yaw_torque_at_its_sensors_end_is_saturated():
 @pytest.mark.parametrize(
     ("settings", "column", "better"),
     [
-        ({"gate": "ksg", "threshold_nat": 1.0}, "ksg_z_nat", 1),
-        ({"gate": "variance", "threshold_std_kg_m2": 25.0}, "predicted_std_z", -1),
+        ({"index": "ksg", "threshold_nat": 1.0}, "ksg_z_nat", 1),
+        ({"index": "variance", "threshold_std_kg_m2": 25.0}, "predicted_std_z", -1),
     ],
     ids=["ksg", "variance"],
 )

@@ -72,7 +72,7 @@ def test_a_state_is_kept_only_where_it_changes_and_ends_with_the_log():
 def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend(drives):
     run = drives(60.0)
     shown = display_frames(run)
-    line = shown["display/threshold/threshold_nat"]
+    line = shown["display/threshold/gate.threshold_nat"]
     assert line["threshold"].to_list() == [0.7, 0.7]
     labels = [each.label for each in drawn_of(_view("Information index"), run, shown)]
     assert labels == [
