@@ -14,8 +14,8 @@ from scipy.constants import g as standard_gravity
 from analysis.phases import TURNS, beside_speed_rate, span_rows
 from analysis.settings import Settings
 from estimators import neighbours
+from estimators.incremental import Promise, WindowState, promise
 from estimators.information import information_index
-from estimators.online import Promise, WindowState, promise
 
 _NEVER = -(10**18)
 

@@ -9,9 +9,9 @@ uncertainty by those that do not.
 
 import numpy as np
 
+from estimators.estimate import Floats, Ints
 from estimators.linear import at, factor, inverse_spd, substitute
 from estimators.ls import solve_windows
-from estimators.trace import Floats, Ints
 
 #: The share of a correction that is uncertain.
 DOUBT = 0.5

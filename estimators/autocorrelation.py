@@ -7,10 +7,10 @@ too small. One window is too short to tell its residuals' correlation; the log i
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.fit_loss import fit_loss
 from estimators.groups import ids_of
 from estimators.student import student_factor
-from estimators.trace import Floats, Ints
 
 #: More lags are never looked at: a manoeuvre may be a whole shift.
 MOST_LAGS = 256

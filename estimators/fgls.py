@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import ls
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
 from estimators.linear import lstsq
-from estimators.normal import gram, residual_squares, solve
+from estimators.normal_equations import gram, residual_squares, solve
 from estimators.reweighted import reweighted_sums
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,8 @@ of the long-run variance; less where the correlation lasts as long as the regres
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.groups import ids_of
-from estimators.trace import Floats, Ints
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 16

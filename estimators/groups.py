@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from estimators.trace import Ints
+from estimators.estimate import Ints
 
 
 def ids_of(group: Ints) -> Ints:

@@ -13,13 +13,13 @@ import numpy as np
 from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
 from estimators.linear import at, lstsq
-from estimators.normal import gram, residual_squares, solve
+from estimators.normal_equations import gram, residual_squares, solve
 from estimators.reweighted import AT_ONCE, load, residuals, reweighted_sums, runs
 from estimators.rolling import sample_products, sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Iterations converge linearly; more than this many change nothing that matters.
 _MOST_STEPS = 100

@@ -3,10 +3,10 @@
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.linear import at
 from estimators.rolling import pairs_of_blocks, sum_pair, uncentred, workspace
 from estimators.threads import in_chunks
-from estimators.trace import Floats, Ints
 
 #: A smaller share of Σx² than this is rounding, not variance.
 _NO_SPREAD = 1e-24

@@ -9,7 +9,7 @@ size)`.
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.trace import Floats
+from estimators.estimate import Floats
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
 DEPENDENT = 1e-14

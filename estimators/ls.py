@@ -7,13 +7,13 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
 from estimators.information import correlated_sums
 from estimators.linear import condition_number, condition_numbers, lstsq, substitute
-from estimators.normal import gram, solve
+from estimators.normal_equations import gram, solve
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Beyond this condition the normal equations keep fewer than about eleven digits.
 _POORLY_CONDITIONED = 50.0

@@ -10,12 +10,12 @@ import numpy as np
 from estimators.attenuation import DOUBT
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints, Trace
 from estimators.groups import ids_of
 from estimators.linear import at, condition_numbers, unpack
-from estimators.normal import columns_of, solve
+from estimators.normal_equations import columns_of, solve
 from estimators.sandwich import deviations, meat
 from estimators.student import widening
-from estimators.trace import Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.linear import at
 from estimators.rolling import lanes_of, load_columns, sample_products
 from estimators.threads import CHUNK
-from estimators.trace import Floats, Ints
 
 #: Consecutive samples that are worked on together: their sums stay in the fastest cache.
 _AT_ONCE = 512

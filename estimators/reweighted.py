@@ -6,8 +6,8 @@ Consecutive windows share their samples, so one operation at a time is done on m
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.rolling import load_columns, sample_products
-from estimators.trace import Floats, Ints
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
 AT_ONCE = 256

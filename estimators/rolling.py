@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.estimate import Bools, Floats, Ints
 from estimators.linear import at
-from estimators.trace import Bools, Floats, Ints
 
 
 def window_ends(accepted: Bools, window: int) -> Ints:

@@ -9,8 +9,9 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.linear import at, factor, invert, pack
-from estimators.normal import columns_of
+from estimators.normal_equations import columns_of
 from estimators.rolling import (
     add_prefix_sums,
     lanes_of,
@@ -21,7 +22,6 @@ from estimators.rolling import (
 )
 from estimators.student import widening
 from estimators.threads import in_chunks
-from estimators.trace import Floats, Ints
 
 #: Rows at once, which stay in the nearest cache.
 _MEAT_ROWS = 1024

@@ -3,7 +3,7 @@
 Deviations are stated so that 1.96 of them are 95 %, however few residuals they rest on.
 """
 
-from estimators.trace import Floats
+from estimators.estimate import Floats
 
 #: Fewer cannot be told apart from none: a factor beyond 1.6 stands for "hardly known".
 _FEWEST = 3.0

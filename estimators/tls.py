@@ -12,12 +12,12 @@ import numpy as np
 
 from estimators import ls
 from estimators.compiled import compiled
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
 from estimators.linear import at, condition_number, factor, pack, solve_spd, substitute
-from estimators.normal import columns_of, gram, residual_squares
+from estimators.normal_equations import columns_of, gram, residual_squares
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Newton settles in three or four; halving a bracket to working precision takes fifty.
 _MOST_STEPS = 100

@@ -16,20 +16,20 @@ from estimators import directional
 from estimators import rls as recursion
 from estimators import rtls as total_recursion
 from estimators.compiled import compiled
+from estimators.estimate import Estimate, Floats, Ints
 from estimators.fgls import FglsOptions, weigh
 from estimators.huber import HuberOptions, bend
 from estimators.information import correlation
 from estimators.linear import condition_number, condition_numbers, inverse_spd, pack, unpack
 from estimators.ls import least_squares
 from estimators.ls import promise as ls_promise
-from estimators.normal import columns_of, gram, residual_squares, solve
+from estimators.normal_equations import columns_of, gram, residual_squares, solve
 from estimators.pooled import PooledOptions, add_sample, without_noise
 from estimators.recursive import feed_products, in_lanes, weights
 from estimators.rls import RlsOptions, RlsState
 from estimators.rolling import centred_terms, lanes_of, suffix_sums, uncentred
 from estimators.rtls import RtlsOptions
 from estimators.tls import TlsOptions, solve_scaled
-from estimators.trace import Estimate, Floats, Ints
 
 
 class WindowState(NamedTuple):

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from estimators.estimate import Floats
 from estimators.linear import at, factor, substitute
-from estimators.trace import Floats
 
 
 class Solution(NamedTuple):
