@@ -35,7 +35,7 @@ class Plane:
     """
 
     t_ns: NDArray[np.int64]
-    motion: planar_rows.Motion
+    motion: planar_rows.PlanarRegressor
     f: Floats
     known: Bools
     usable: Bools
@@ -66,7 +66,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     speed = values(excitation, "speed_x_m_s")
     yaw_rate = values(excitation, "yaw_rate_rad_s")
     zero = np.zeros(n)
-    motion = planar_rows.Motion(
+    motion = planar_rows.PlanarRegressor(
         values(excitation, "regressor_acc_x_m_s2"),
         values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
         speed,
@@ -100,7 +100,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     )
 
 
-def plane_noise(motion: planar_rows.Motion, used: Bools, settings: Settings) -> Floats:
+def plane_noise(motion: planar_rows.PlanarRegressor, used: Bools, settings: Settings) -> Floats:
     """What the settings' noise is in each column of each row, (2, 6), after the moving mean.
 
     Args:

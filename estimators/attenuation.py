@@ -10,7 +10,7 @@ uncertainty by those that do not.
 import numpy as np
 
 from estimators.estimate import Floats, Ints
-from estimators.linear import at, factor, inverse_spd, substitute
+from estimators.linear import factor, inverse_spd, packed_index, substitute
 from estimators.ls import solve_windows
 
 #: The share of a correction that is uncertain.
@@ -51,7 +51,7 @@ def window_attenuations(
     added = window * noise_A**2
     clean = solve_windows(A, f, window, index).grams.T.copy()
     for i in range(p):
-        clean[at(i, i, p)] -= added[i]
+        clean[packed_index(i, i, p)] -= added[i]
     drawn = np.ascontiguousarray(theta.T * added[:, None])
     substitute(*factor(clean, p, p), drawn)
     return drawn.T

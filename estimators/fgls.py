@@ -62,14 +62,14 @@ def solve_windows(
 
     def work(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
-        theta = weigh(A, f, window, index[rows], products, options)
+        theta = reweight(A, f, window, index[rows], products, options)
         out.keep(rows, products, theta, gram(products), residual_squares(products, theta))
 
     in_chunks(work, index.size)
     return out
 
 
-def weigh(
+def reweight(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: FglsOptions
 ) -> Floats:
     """θ (p, rows) of windows with those packed products (entries, rows): OLS, then weighted."""

@@ -156,7 +156,9 @@ def test_a_log_of_many_blocks_is_fitted_as_one_and_blocks_need_not_be_an_array(m
     whole = fit(A, f, planar_rows.PARAMETERS, segment_id, noise=noise)
     monkeypatch.setattr(blocks, "BLOCK", 137)
     channels = measured(MOTIONS["joint"], NOISE, np.random.default_rng(2), 10)
-    parts = fit(planar_rows.Motion(**channels), f, planar_rows.PARAMETERS, segment_id, noise=noise)
+    parts = fit(
+        planar_rows.PlanarRegressor(**channels), f, planar_rows.PARAMETERS, segment_id, noise=noise
+    )
     np.testing.assert_allclose(parts.theta, whole.theta, rtol=1e-10)
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8)
 
@@ -169,7 +171,7 @@ def test_a_long_log_is_never_held_as_one_regressor():
     )
     tracemalloc.start()
     try:
-        found = fit(planar_rows.Motion(**channels), f, planar_rows.PARAMETERS)
+        found = fit(planar_rows.PlanarRegressor(**channels), f, planar_rows.PARAMETERS)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -37,11 +37,11 @@ def test_the_two_rows_are_those_of_the_whole_regressor_which_hold_no_other_param
 
 def test_a_motion_makes_the_regressor_of_any_slice_and_cuts_to_it():
     channels = MOTIONS["joint"]
-    whole, motion = planar_rows.regressor(**channels), planar_rows.Motion(**channels)
+    whole, motion = planar_rows.regressor(**channels), planar_rows.PlanarRegressor(**channels)
     assert motion.shape == whole.shape
     np.testing.assert_array_equal(motion[40:90], whole[40:90])
     np.testing.assert_array_equal(motion.cut(slice(40, 90))[10:20], whole[50:60])
-    force = planar_rows.Motion(**channels, rows=1)
+    force = planar_rows.PlanarRegressor(**channels, rows=1)
     assert force.shape == (2000, 1, 6)
     np.testing.assert_array_equal(force[:5], whole[:5, :1])
 
