@@ -5,7 +5,7 @@ import numpy as np
 from analysis.regressor import Axis, Floats, X
 from analysis.settings import EXACT, Method, Settings
 from estimators.attenuation import DOUBT, window_attenuations
-from estimators.trace import Ints
+from estimators.estimate import Ints
 
 
 def column_noise(axis: Axis, settings: Settings) -> Floats | None:

@@ -24,7 +24,7 @@ from analysis.simulation import Channels, Scenario, solve_motion
 from analysis.simulation.body import Body
 from analysis.simulation.manoeuvres import Excite, Rest
 from analysis.simulation.waveforms import ForceWave, Shape, TorqueWave
-from estimators import planar
+from estimators import planar_rows
 from estimators.errors import DataError
 from estimators.identifiability import identify
 
@@ -65,7 +65,7 @@ class Score:
         manoeuvre: what to drive.
         start_s: when the window begins, with the samples that the filters take before it.
         predictions: by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
-        rank: of both rows of `planar.regressor`: how many of six parameters are determined.
+        rank: of both rows of `planar_rows.regressor`: how many of six parameters are determined.
         condition: of AᵀA, columns in units of their noise.
         snr: r.m.s. variation over a period (standard deviation) of the force that the drive
             applies over the noise of one sample of it; of the torque in a spin.
@@ -294,7 +294,7 @@ def _score(
 
 def rank(run: Channels) -> int:
     """How many of the six parameters both rows of a solved motion determine, noise aside."""
-    A = planar.regressor(
+    A = planar_rows.regressor(
         run.specific_force_x_m_s2,
         run.specific_force_y_m_s2,
         run.speed_x_m_s,
@@ -302,4 +302,4 @@ def rank(run: Channels) -> int:
         run.yaw_acc_rad_s2,
     )
     solved = _SOLVED_TO * np.sqrt(np.mean(A**2, axis=(0, 1)))
-    return identify(A, planar.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)).rank
+    return identify(A, planar_rows.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)).rank

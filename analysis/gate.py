@@ -56,8 +56,10 @@ def _judged(
     complete[: window - 1] = False
 
     rows = np.flatnonzero(complete).astype(np.int64)
-    rho, spread, predicted_std, condition = (np.full(n, np.nan) for _ in ls.Judged._fields)
-    seen = ls.judge_windows(A, f, window, rows)
+    rho, spread, predicted_std, condition = (
+        np.full(n, np.nan) for _ in ls.WindowStatistics._fields
+    )
+    seen = ls.window_statistics(A, f, window, rows)
     rho[rows], spread[rows], predicted_std[rows], condition[rows] = seen
     index = information.information_index(rho)
 

@@ -14,10 +14,13 @@ from scipy.constants import g as standard_gravity
 from analysis.phases import TURNS, beside_speed_rate, span_rows
 from analysis.settings import Settings
 from estimators import neighbours
+from estimators.incremental import WindowState, window_statistics
 from estimators.information import information_index
-from estimators.online import Promise, WindowState, promise
+from estimators.ls import WindowStatistics
 
 _NEVER = -(10**18)
+#: Statistics of a window that misses samples.
+_INCOMPLETE = WindowStatistics(*np.array([[np.nan], [np.nan], [np.nan], [np.inf]]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +97,9 @@ def watch(
     samples = settings.gate.window_samples
     holds = {name: now.row - last < samples for name, last in now.last.items()}
     complete = now.row >= samples - 1 and not holds["gap"]
-    seen = promise(window) if complete else Promise(np.nan, np.nan, np.nan, np.inf)
-    index = float(information_index(np.array([seen.rho]))[0])
+    statistics = window_statistics(window) if complete else _INCOMPLETE
+    rho, spread, predicted_std, condition = (float(each[0]) for each in statistics)
+    index = float(information_index(np.array([rho]))[0])
     refusals = {
         "warming_up": now.first_whole is None or now.row < now.first_whole + samples - 1,
         "gap": holds["gap"],
@@ -104,28 +108,35 @@ def watch(
         "braking": holds["braking"],
         "standstill": not holds["moving"],
         "slip": holds["slip"],
-        "no_variance": np.isnan(seen.rho),
-        "negative_dependence": seen.rho < 0,
+        "no_variance": np.isnan(rho),
+        "negative_dependence": rho < 0,
     }
     ksg = float("nan")
     match settings.gate.index:
         case "information":
             poor = index < settings.gate.threshold_nat
         case "variance":
+<<<<<<< HEAD
             poor = not seen.predicted_deviation <= settings.gate.threshold_std_kg
+=======
+            poor = not predicted_std <= settings.threshold_std_kg
+>>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
         case "ksg":
             if not any(refusals.values()):
                 ksg = _nearest(window, settings)
             poor = not ksg >= settings.gate.threshold_nat
     refusals["low_information"] = poor
+<<<<<<< HEAD
     refusals["ill_conditioned"] = not seen.condition <= settings.gate.condition_max
+=======
+    refusals["ill_conditioned"] = not condition <= settings.condition_max
+>>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
     reason = next((name for name, holds_now in refusals.items() if holds_now), "accepted")
-    spread = complete and seen.spread > 0
     return (
         Moment(
-            seen.rho if spread else float("nan"),
+            rho if complete and spread > 0 else float("nan"),
             index,
-            seen.predicted_deviation,
+            predicted_std,
             reason == "accepted",
             reason,
             ksg,

@@ -2,7 +2,7 @@
 
 State in, state out: a step takes bounded time and memory, and from `excitation` on every decision
 of the gate and every θ equals the replay's bit for bit. The deviations are their own (see
-`estimators.online`): what the replay pools over the log is not known yet. A manoeuvre's pooled
+`estimators.incremental`): what the replay pools over the log is not known yet. A manoeuvre's pooled
 estimate comes when the manoeuvre is over and no braking can claim its last samples any more, that
 of a recursion when none can claim the window that it is fed.
 """
@@ -18,8 +18,8 @@ from analysis.moment import Moment, Watch, start_watch, watch
 from analysis.regressor import X
 from analysis.settings import RECURSIVE, Settings
 from analysis.trace import options_of
-from estimators import online
-from estimators.trace import Estimate
+from estimators import incremental
+from estimators.estimate import Estimate
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Settling(NamedTuple):
     """The number of an accepted row, and the window that ends there."""
 
     row: int
-    window: online.WindowState
+    window: incremental.WindowState
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +66,9 @@ class State:
     """
 
     settings: Settings
-    window: online.WindowState
+    window: incremental.WindowState
     watched: Watch
-    pool: online.Pool
+    pool: incremental.Pool
     segments: tuple[int, ...]
     standing: tuple[bool, ...]
     pasts: Mapping[str, Any] = field(default_factory=dict)
@@ -102,9 +102,9 @@ def start(settings: Settings) -> State:
     window = settings.gate.window_samples
     return State(
         settings,
-        online.start_window(parameters, window),
+        incremental.start_window(parameters, window),
         start_watch(settings),
-        online.start_pool(parameters),
+        incremental.start_pool(parameters),
         (-1,) * window,
         (False,) * window,
     )
@@ -121,7 +121,7 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
     names = ["regressor_acc_x_m_s2", "speed_x_m_s"]
     names += ["direction_x_1"] if settings.forces.coulomb else []
     sample = np.array([number(row.get(name)) for name in (*names, "force_x_N")])
-    window = online.step_window(state.window, sample)
+    window = incremental.step_window(state.window, sample)
     moment, watched = watch(state.watched, window, row, settings)
     state = replace(
         state,
@@ -167,13 +167,13 @@ def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
     for method in settings.trace.methods:
         match method:
             case "ls":
-                estimate = online.ls(window, mean)
+                estimate = incremental.ls(window, mean)
             case "fgls":
-                estimate = online.fgls(window, mean, options.fgls)
+                estimate = incremental.fgls(window, mean, options.fgls)
             case "tls":
-                estimate = online.tls(window, mean, options.tls)
+                estimate = incremental.tls(window, mean, options.tls)
             case "huber":
-                estimate = online.huber(window, mean, options.huber)
+                estimate = incremental.huber(window, mean, options.huber)
             case "rls" | "rtls" | "pooled":
                 continue
         estimates[method] = Standing(row, estimate)
@@ -201,10 +201,10 @@ def _feed(state: State) -> tuple[State, dict[str, Standing]]:
             continue
         past = pasts.get(method)
         if method == "rls":
-            follow = online.directional_rls if options.rls.directional else online.rls
+            follow = incremental.directional_rls if options.rls.directional else incremental.rls
             pasts[method], estimate = follow(window, past, newest, mean, options.rls)
         else:
-            pasts[method], estimate = online.rtls(window, past, newest, mean, options.rtls)
+            pasts[method], estimate = incremental.rtls(window, past, newest, mean, options.rtls)
         estimates[method] = Standing(row, estimate)
     return replace(state, pasts=pasts, fed_row=row), estimates
 
@@ -243,8 +243,8 @@ def _add(state: State, pending: Pending) -> State:
     )
 
 
-def _empty(state: State) -> online.Pool:
-    return online.start_pool(len(state.window.z) - 1)
+def _empty(state: State) -> incremental.Pool:
+    return incremental.start_pool(len(state.window.z) - 1)
 
 
 def _standing(state: State) -> Mapping[str, Standing]:

@@ -22,8 +22,8 @@ from analysis.settings import Settings
 from analysis.verdict import can_weigh, contradicted, tells_inertia
 from estimators import base_parameters
 from estimators.base_parameters import BaseEstimate
-from estimators.planar import PARAMETERS
-from estimators.trace import Bools, Ints
+from estimators.estimate import Bools, Ints
+from estimators.planar_rows import PARAMETERS
 
 Known = Mapping[str, tuple[float, float]]
 

@@ -11,7 +11,7 @@ from analysis.phases import TURNS, pace, yaw_pace
 from analysis.regressor import Z, axes
 from analysis.schema import values
 from analysis.settings import Settings
-from estimators import planar
+from estimators import planar_rows
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -35,7 +35,7 @@ class Plane:
     """
 
     t_ns: NDArray[np.int64]
-    motion: planar.Motion
+    motion: planar_rows.PlanarRegressor
     f: Floats
     known: Bools
     usable: Bools
@@ -66,7 +66,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     speed = values(excitation, "speed_x_m_s")
     yaw_rate = values(excitation, "yaw_rate_rad_s")
     zero = np.zeros(n)
-    motion = planar.Motion(
+    motion = planar_rows.PlanarRegressor(
         values(excitation, "regressor_acc_x_m_s2"),
         values(excitation, "regressor_acc_y_m_s2") if has_torque else zero,
         speed,
@@ -100,7 +100,7 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
     )
 
 
-def plane_noise(motion: planar.Motion, used: Bools, settings: Settings) -> Floats:
+def plane_noise(motion: planar_rows.PlanarRegressor, used: Bools, settings: Settings) -> Floats:
     """What the settings' noise is in each column of each row, (2, 6), after the moving mean.
 
     Args:
@@ -115,8 +115,13 @@ def plane_noise(motion: planar.Motion, used: Bools, settings: Settings) -> Float
     sideways = np.hypot(
         speed_rms * settings.noise.yaw_rate_rad_s, yaw_rate_rms * settings.noise.speed_m_s
     )
+<<<<<<< HEAD
     mean = np.sqrt(settings.smooth.samples)
     return planar.column_noise(
+=======
+    mean = np.sqrt(settings.smooth_samples)
+    return planar_rows.column_noise(
+>>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
         yaw_rate_rms,
         settings.noise.acc_m_s2 / mean,
         max(settings.noise.acc_m_s2, float(sideways)) / mean,

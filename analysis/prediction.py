@@ -1,8 +1,8 @@
 """What least squares over one window will find, before anything is measured.
 
 The estimator predicted is the paper's: every channel after the moving mean, the yaw acceleration as
-the central difference of the yaw rate, the rows of `estimators.planar` over the noise of force and
-torque. To first order the error of θ̂ is linear in every sample of noise, so that each sample's
+the central difference of the yaw rate, the rows of `estimators.planar_rows` over the noise of force
+and torque. To first order the error of θ̂ is linear in every sample of noise, so that each sample's
 weight is known and the variance is the sum of their squares. Beside it stands a bias: noise N in
 the regressor and what the model leaves out (Coulomb friction) make (AᵀA + E[NᵀN])⁻¹ Aᵀy of θ.
 """
@@ -14,16 +14,16 @@ import numpy as np
 
 from analysis.simulation import Channels, Scenario
 from analysis.simulation.body import Body
-from estimators import planar
-from estimators.trace import Floats
+from estimators import planar_rows
+from estimators.estimate import Floats
 
 Stage: TypeAlias = Literal["straight", "spin", "joint"]
 
-#: Columns of `planar.PARAMETERS` and rows of `planar.ROWS` in each stage.
+#: Columns of `planar_rows.PARAMETERS` and rows of `planar_rows.ROWS` in each stage.
 COLUMNS: dict[Stage, list[int]] = {
-    "straight": [planar.PARAMETERS.index(name) for name in planar.STRAIGHT_PARAMETERS],
-    "spin": [planar.PARAMETERS.index(name) for name in planar.SPIN_PARAMETERS],
-    "joint": list(range(len(planar.PARAMETERS))),
+    "straight": [planar_rows.PARAMETERS.index(name) for name in planar_rows.STRAIGHT_PARAMETERS],
+    "spin": [planar_rows.PARAMETERS.index(name) for name in planar_rows.SPIN_PARAMETERS],
+    "joint": list(range(len(planar_rows.PARAMETERS))),
 }
 _ROWS: dict[Stage, list[int]] = {"straight": [0], "spin": [1], "joint": [0, 1]}
 
@@ -59,7 +59,7 @@ def noise_of(scenario: Scenario) -> Measured:
 
 
 def parameters(body: Body) -> Floats:
-    """(6,) the true values of `planar.PARAMETERS`."""
+    """(6,) the true values of `planar_rows.PARAMETERS`."""
     return np.array(
         [
             body.mass_kg,
@@ -103,7 +103,7 @@ class Filters:
         """
         force, torque, s_x, s_y, speed, yaw_rate = (_filtered(each, self.mean) for each in raw)
         turn = _filtered(raw.yaw_rate_rad_s, self.difference)
-        return planar.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
+        return planar_rows.regressor(s_x, s_y, speed, yaw_rate, turn), np.stack([force, torque], -1)
 
 
 def _filtered(raw: Floats, weights: Floats) -> Floats:
@@ -189,7 +189,7 @@ def predict(
     inverse = np.linalg.solve(gram, A.T)
     theta = parameters(body)[columns]
     bias = inverse @ y - theta
-    phi = np.zeros(len(planar.PARAMETERS))
+    phi = np.zeros(len(planar_rows.PARAMETERS))
     phi[columns] = theta
     full = filters.stack(truth)[0]
     predictions: dict[str, Prediction] = {}
@@ -210,7 +210,7 @@ def predict(
 
 
 def _targets(body: Body) -> dict[str, tuple[float, Floats]]:
-    """Each number and its gradient in `planar.PARAMETERS`."""
+    """Each number and its gradient in `planar_rows.PARAMETERS`."""
     mass = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     inertia = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     com_x = np.array([-body.com_x_m, 0.0, 1.0, 0.0, 0.0, 0.0]) / body.mass_kg
@@ -227,7 +227,7 @@ def _variance(
     """Variance from force and torque, and from all else, of an error Σ weight (n, 2) · rows."""
     m, inertia, mc_x, mc_y, b_x, b_psi = phi
     w_x, w_z = weight.T
-    omega = full[:, 1, planar.PARAMETERS.index("friction_z_N_m_s")]
+    omega = full[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     through_mean = Measured(
         force_x_N=w_x,
         torque_z_N_m=w_z,
@@ -251,7 +251,7 @@ def _regressor_noise(stage: Stage, filters: Filters, truth: Measured, noise: Mea
     turn = float(noise.yaw_rate_rad_s) ** 2 * difference
     A, _ = filters.stack(truth)
     samples = A.shape[0]
-    omega = A[:, 1, planar.PARAMETERS.index("friction_z_N_m_s")]
+    omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     square = 4.0 * float(omega @ omega) / samples * yaw_rate
     each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
     rows = _ROWS[stage]

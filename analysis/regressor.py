@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from analysis.schema import values
 from analysis.settings import Settings
-from estimators import planar
-from estimators.trace import Trace
+from estimators import planar_rows
+from estimators.estimate import Trace
 
 Floats = NDArray[np.float64]
 
@@ -72,8 +72,13 @@ def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floa
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
     accelerometer's 9.81 m/s² in a_z.
     """
+<<<<<<< HEAD
     direction = values(excitation, "direction_x_1") if settings.forces.coulomb else None
     A = planar.straight(
+=======
+    direction = values(excitation, "direction_x_1") if settings.coulomb else None
+    A = planar_rows.straight(
+>>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
         values(excitation, "regressor_acc_x_m_s2"), values(excitation, "speed_x_m_s"), direction
     )
     return np.ascontiguousarray(A), values(excitation, "force_x_N")
@@ -81,7 +86,7 @@ def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floa
 
 def spin(excitation: pl.DataFrame) -> tuple[Floats, Floats]:
     """A (rows, 2) and τ (rows,): the yaw row of (8) alone, NaN where a sample is missing."""
-    A = planar.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
+    A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
     return np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
 
 

@@ -13,7 +13,7 @@ from analysis.schema import build
 from analysis.segments import pooled_samples
 from analysis.settings import Method, Settings
 from estimators import fgls, huber, ls, pooled, rls, rtls, tls
-from estimators.trace import Ints, Trace
+from estimators.estimate import Ints, Trace
 
 
 class Options(NamedTuple):

@@ -142,7 +142,7 @@ def cost() -> str:
     calls = {
         "information": lambda: information.window_correlation(acc, f, window),
         "ksg": lambda: neighbours.window_mutual_information(acc, f, window, index, 4),
-        "variance": lambda: ls.judge_windows(A, f, window, index),
+        "variance": lambda: ls.window_statistics(A, f, window, index),
     }
     rows: list[list[str]] = []
     for name, call in calls.items():

@@ -20,13 +20,13 @@ import typer
 from numba import njit
 
 from estimators import fgls, tls
+from estimators.estimate import Floats, Ints
 from estimators.information import correlated_sums
 from estimators.linear import pack
-from estimators.normal import solve
+from estimators.normal_equations import solve
 from estimators.recursive import chunks_of, fed_samples, feed_products, in_lanes
 from estimators.rolling import sum_windows
 from estimators.threads import in_chunks
-from estimators.trace import Floats, Ints
 
 #: One core each.
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}

@@ -9,9 +9,9 @@ uncertainty by those that do not.
 
 import numpy as np
 
-from estimators.linear import at, factor, inverse_spd, substitute
+from estimators.estimate import Floats, Ints
+from estimators.linear import factor, inverse_spd, packed_index, substitute
 from estimators.ls import solve_windows
-from estimators.trace import Floats, Ints
 
 #: The share of a correction that is uncertain.
 DOUBT = 0.5
@@ -51,7 +51,7 @@ def window_attenuations(
     added = window * noise_A**2
     clean = solve_windows(A, f, window, index).grams.T.copy()
     for i in range(p):
-        clean[at(i, i, p)] -= added[i]
+        clean[packed_index(i, i, p)] -= added[i]
     drawn = np.ascontiguousarray(theta.T * added[:, None])
     substitute(*factor(clean, p, p), drawn)
     return drawn.T

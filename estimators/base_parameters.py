@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.attenuation import DOUBT, attenuation
-from estimators.autocorrelation import pooled_autocorrelation
+from estimators.autocorrelation import pooled_autocorrelation, widening
 from estimators.blocks import BLOCK, Blocks, factors, residuals, sandwich_meat
 from estimators.errors import DataError, nearest
+from estimators.estimate import Floats, Ints
 from estimators.identifiability import Identifiability, identify
 from estimators.linear import inverse_spd, lstsq
 from estimators.sandwich import deviations
-from estimators.student import widening
-from estimators.trace import Floats, Ints
 
 #: Axes are weighted by their residuals, which rounding alone must not decide.
 LEAST_RESIDUAL = 1e-9

@@ -9,8 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
+from estimators.estimate import Bools, Floats, Ints
 from estimators.sandwich import meat
-from estimators.trace import Bools, Floats, Ints
 
 #: Rows at a time.
 BLOCK = 16_384

@@ -7,7 +7,7 @@ recursion runs in its covariance form, and its error's covariance by the error's
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.trace import Floats, Ints
+from estimators.estimate import Floats, Ints
 
 
 @compiled

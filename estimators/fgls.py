@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators import ls
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
 from estimators.linear import lstsq
-from estimators.normal import gram, residual_squares, solve
+from estimators.normal_equations import gram, residual_squares, solve
 from estimators.reweighted import reweighted_sums
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +62,14 @@ def solve_windows(
 
     def work(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
-        theta = weigh(A, f, window, index[rows], products, options)
+        theta = reweight(A, f, window, index[rows], products, options)
         out.keep(rows, products, theta, gram(products), residual_squares(products, theta))
 
     in_chunks(work, index.size)
     return out
 
 
-def weigh(
+def reweight(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: FglsOptions
 ) -> Floats:
     """θ (p, rows) of windows with those packed products (entries, rows): OLS, then weighted."""

@@ -9,8 +9,7 @@ of the long-run variance; less where the correlation lasts as long as the regres
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.groups import ids_of
-from estimators.trace import Floats, Ints
+from estimators.estimate import Floats, Ints
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 16
@@ -125,6 +124,20 @@ def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     return loss
 
 
+def group_ids(group: Ints) -> Ints:
+    """List the groups of samples (fits, windows, segments) that occur, ascending.
+
+    Args:
+        group: (n,) the group of each sample, negative for none.
+    """
+    used = group[group >= 0]
+    steps = np.diff(used)
+    # they mostly follow one another, and then need not be sorted
+    if (steps < 0).any():
+        return np.unique(used)
+    return used[np.append(True, steps > 0)] if used.size else used
+
+
 def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     """How much of each autocovariance the residuals have lost at each lag, (lags, lags).
 
@@ -136,7 +149,7 @@ def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     Returns:
         B with E[mean e_i e_{i+j}] = r_j - Σ_l B_jl r_l.
     """
-    ids = ids_of(group)
+    ids = group_ids(group)
     if A.shape[1] * lags * ids.size < 0.005 * np.count_nonzero(group >= 0):
         return np.zeros((lags, lags))
     some = ids[np.linspace(0, ids.size - 1, min(ids.size, _MOST_FITS)).astype(np.int64)]

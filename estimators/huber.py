@@ -13,13 +13,13 @@ import numpy as np
 from estimators import ls
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
-from estimators.linear import at, lstsq
-from estimators.normal import gram, residual_squares, solve
-from estimators.reweighted import AT_ONCE, load, residuals, reweighted_sums, runs
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.linear import lstsq, packed_index
+from estimators.normal_equations import gram, residual_squares, solve
+from estimators.reweighted import AT_ONCE, batch_starts, load, residuals, reweighted_sums
 from estimators.rolling import sample_products, sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Iterations converge linearly; more than this many change nothing that matters.
 _MOST_STEPS = 100
@@ -68,8 +68,8 @@ def fit(
     return Estimate(theta, std, float(np.sqrt((residual**2).mean())), first.condition)
 
 
-class Bent(NamedTuple):
-    """What is known of the residuals r of m solved windows, (m,) each.
+class ResidualStatistics(NamedTuple):
+    """Statistics of the residuals r of m solved windows, (m,) each.
 
     Attributes:
         limit: residuals up to this weigh fully.
@@ -82,9 +82,9 @@ class Bent(NamedTuple):
     squares: Floats
 
 
-def bend(
+def reweight(
     A: Floats, f: Floats, window: int, index: Ints, products: Floats, options: HuberOptions
-) -> tuple[Floats, Bent]:
+) -> tuple[Floats, ResidualStatistics]:
     """Solve windows with those packed products (entries, rows): θ (p, rows).
 
     Huber's loss is quadratic between the samples' bends, so that Newton ends at its minimum
@@ -106,7 +106,7 @@ def bend(
     kept, squares = _pseudo_residuals(A, f, window, index, theta, limit)
     # without a limit nothing is clipped
     kept = np.where(limit > 0.0, kept, 1.0)
-    return theta, Bent(limit, kept, squares / kept**2)
+    return theta, ResidualStatistics(limit, kept, squares / kept**2)
 
 
 @compiled
@@ -140,7 +140,7 @@ def _newton_sums(
     raw = np.empty((entries, window + AT_ONCE))
     pull, full = np.empty(AT_ONCE), np.empty(AT_ONCE)
     out = np.zeros((entries, index.size))
-    begins = runs(index)
+    begins = batch_starts(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
@@ -159,11 +159,11 @@ def _newton_sums(
                 full[k] = 1.0 if inside else 0.0
             for i in range(p):
                 for j in range(i, p):
-                    entry = at(i, j, p + 1)
+                    entry = packed_index(i, j, p + 1)
                     total, product = sums[entry], raw[entry, s : s + m]
                     for k in range(m):
                         total[k] += full[k] * product[k]
-                total, column = sums[at(i, p, p + 1)], z[i, s : s + m]
+                total, column = sums[packed_index(i, p, p + 1)], z[i, s : s + m]
                 for k in range(m):
                     total[k] += pull[k] * column[k]
         out[:, begin:end] = sums
@@ -179,7 +179,7 @@ def _pseudo_residuals(
     z = np.empty((p + 1, window + AT_ONCE))
     e = np.empty(AT_ONCE)
     kept, squares = np.zeros(index.size), np.zeros(index.size)
-    begins = runs(index)
+    begins = batch_starts(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]
@@ -215,22 +215,22 @@ def trace(
     if index.size == 0:
         return Trace.empty(p)
     solved = ls.Windows.empty(index.size, p)
-    bent = Bent(*(np.empty(index.size) for _ in Bent._fields))
+    statistics = ResidualStatistics(*(np.empty(index.size) for _ in ResidualStatistics._fields))
 
     def work(rows: slice) -> None:
         products = sum_windows(A, f, window, index[rows])
-        theta, of_rows = bend(A, f, window, index[rows], products, options)
+        theta, of_rows = reweight(A, f, window, index[rows], products, options)
         solved.keep(rows, products, theta, gram(products), residual_squares(products, theta))
-        for whole, part in zip(bent, of_rows, strict=True):
+        for whole, part in zip(statistics, of_rows, strict=True):
             whole[rows] = part
 
     in_chunks(work, index.size)
     residual, owner = window_residuals(A, f, solved.theta, index, window)
     used = owner >= 0
     row = owner[used]
-    limit = bent.limit[row]
-    residual[used] = np.clip(residual[used], -limit, limit) / bent.kept[row]
+    limit = statistics.limit[row]
+    residual[used] = np.clip(residual[used], -limit, limit) / statistics.kept[row]
     correlation, _ = pooled_autocorrelation(residual, owner, A)
-    std = window_deviations(A, solved.grams, bent.squares, index, window, correlation)
+    std = window_deviations(A, solved.grams, statistics.squares, index, window, correlation)
     rms = np.sqrt(solved.rss / window)
     return Trace(index, solved.theta, std, rms, solved.condition, correlation)

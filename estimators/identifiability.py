@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.errors import DataError
-from estimators.trace import Bools, Floats, Ints
+from estimators.estimate import Bools, Floats, Ints
 
 #: (V_r V_rᵀ)_ii above 1 minus this is 1, where A is exact.
 EXACT = 1e-8

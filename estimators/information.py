@@ -3,10 +3,10 @@
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.linear import at
+from estimators.estimate import Floats, Ints
+from estimators.linear import packed_index
 from estimators.rolling import pairs_of_blocks, sum_pair, uncentred, workspace
 from estimators.threads import in_chunks
-from estimators.trace import Floats, Ints
 
 #: A smaller share of Σx² than this is rounding, not variance.
 _NO_SPREAD = 1e-24
@@ -68,7 +68,7 @@ def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, sprea
     """ρ and relative variance (m,) of the first series and the last (see `rolling.Workspace`)."""
     q = centre.size
     dx, dy, dxx = moments[0], moments[q - 1], moments[q]
-    dxy, dyy = moments[q + at(0, q - 1, q)], moments[q + at(q - 1, q - 1, q)]
+    dxy, dyy = moments[q + packed_index(0, q - 1, q)], moments[q + packed_index(q - 1, q - 1, q)]
     for k in range(rho.size):
         x, y = dx[k] / window, dy[k] / window
         sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]

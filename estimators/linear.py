@@ -2,14 +2,14 @@
 
 The last axis of every array runs over the systems, so that the inner loops do one operation on all
 of them, which the compiler vectorises; the order of operations within a system is that of one
-alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j) in row `at(i, j,
-size)`.
+alone. A symmetric matrix is packed: its upper triangle row by row, entry (i, j) in row
+`packed_index(i, j, size)`.
 """
 
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.trace import Floats
+from estimators.estimate import Floats
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
 DEPENDENT = 1e-14
@@ -23,7 +23,7 @@ def lstsq(A: Floats, f: Floats) -> Floats:
 
 
 @compiled
-def at(i: int, j: int, size: int) -> int:
+def packed_index(i: int, j: int, size: int) -> int:
     """The row of entry (i, j), i <= j, in a packed symmetric matrix of `size` columns."""
     return i * size - i * (i - 1) // 2 + j - i
 
@@ -46,12 +46,12 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
     L = np.empty((p, p, m))
     inverse = np.empty((p, m))
     for i in range(p):
-        diagonal = G[at(i, i, size)]
+        diagonal = G[packed_index(i, i, size)]
         pivot = inverse[i]
         for k in range(m):
             pivot[k] = diagonal[k]
         for j in range(i):
-            entry = G[at(j, i, size)]
+            entry = G[packed_index(j, i, size)]
             lower = L[i, j]
             for k in range(m):
                 lower[k] = entry[k]
@@ -115,8 +115,12 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     N = np.empty((p * (p + 1) // 2, m))
     for i in range(p):
         for j in range(i, p):
-            entry, left, right = G[at(i, j, size)], G[at(i, i, size)], G[at(j, j, size)]
-            scaled = N[at(i, j, p)]
+            entry, left, right = (
+                G[packed_index(i, j, size)],
+                G[packed_index(i, i, size)],
+                G[packed_index(j, j, size)],
+            )
+            scaled = N[packed_index(i, j, p)]
             for k in range(m):
                 scaled[k] = entry[k] / np.sqrt(left[k] * right[k])
     for _ in range(_SWEEPS if p > 2 else 1):
@@ -126,7 +130,7 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     low = N[0].copy()
     high = N[0].copy()
     for i in range(1, p):
-        value = N[at(i, i, p)]
+        value = N[packed_index(i, i, p)]
         for k in range(m):
             low[k] = value[k] if value[k] < low[k] else low[k]
             high[k] = value[k] if value[k] > high[k] else high[k]
@@ -134,7 +138,7 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
     for k in range(m):
         out[k] = np.sqrt(high[k] / low[k]) if low[k] > 0.0 else np.inf
     for i in range(p):
-        value = N[at(i, i, p)]
+        value = N[packed_index(i, i, p)]
         for k in range(m):
             # a column of zeros
             out[k] = np.inf if np.isnan(value[k]) else out[k]
@@ -144,7 +148,7 @@ def condition_numbers(G: Floats, size: int, p: int) -> Floats:
 @compiled
 def _rotate(N: Floats, p: int, i: int, j: int, m: int) -> None:
     """One rotation of Jacobi that makes entry (i, j) zero."""
-    a, b, c = N[at(i, i, p)], N[at(j, j, p)], N[at(i, j, p)]
+    a, b, c = N[packed_index(i, i, p)], N[packed_index(j, j, p)], N[packed_index(i, j, p)]
     sine = np.empty(m)
     cosine = np.empty(m)
     for k in range(m):
@@ -160,7 +164,10 @@ def _rotate(N: Floats, p: int, i: int, j: int, m: int) -> None:
         c[k] = c[k] if np.isnan(root) else 0.0
     for r in range(p):
         if r != i and r != j:
-            x, y = N[at(min(r, i), max(r, i), p)], N[at(min(r, j), max(r, j), p)]
+            x, y = (
+                N[packed_index(min(r, i), max(r, i), p)],
+                N[packed_index(min(r, j), max(r, j), p)],
+            )
             for k in range(m):
                 old = x[k]
                 x[k] = cosine[k] * old - sine[k] * y[k]
@@ -177,7 +184,7 @@ def unpack(entries: Floats, size: int, p: int) -> Floats:
     G = np.empty((p, p))
     for i in range(p):
         for j in range(i, p):
-            G[i, j] = G[j, i] = entries[at(i, j, size)]
+            G[i, j] = G[j, i] = entries[packed_index(i, j, size)]
     return G
 
 

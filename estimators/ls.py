@@ -7,13 +7,13 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
 from estimators.information import correlated_sums
 from estimators.linear import condition_number, condition_numbers, lstsq, substitute
-from estimators.normal import gram, solve
+from estimators.normal_equations import gram, solve
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Beyond this condition the normal equations keep fewer than about eleven digits.
 _POORLY_CONDITIONED = 50.0
@@ -112,7 +112,7 @@ def least_squares(
     p = len(theta)
     poor = np.flatnonzero(condition_numbers(products, p + 1, p) > _POORLY_CONDITIONED)
     if poor.size:
-        correction = _pulls(A, f, window, index[poor], theta[:, poor])
+        correction = _normal_residual(A, f, window, index[poor], theta[:, poor])
         L, inverse = np.take(solved.L, poor, axis=2), np.take(solved.inverse, poor, axis=1)
         substitute(L, inverse, correction)
         theta[:, poor] += correction
@@ -120,7 +120,7 @@ def least_squares(
 
 
 @compiled
-def _pulls(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
+def _normal_residual(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Floats:
     """Aᵀ(f - A θ) of each window, (p, rows): zero but for what θ (p, rows) has lost."""
     p = A.shape[1]
     out = np.zeros((p, index.size))
@@ -134,14 +134,14 @@ def _pulls(A: Floats, f: Floats, window: int, index: Ints, theta: Floats) -> Flo
     return out
 
 
-class Judged(NamedTuple):
-    """What a window shows before it is used, (rows,) each.
+class WindowStatistics(NamedTuple):
+    """What the gate asks of each window, (rows,) each.
 
     Attributes:
         rho: correlation of the first column and the force.
         spread: relative variance of the two (see `information`).
-        predicted: sqrt(σ̂² (G⁻¹)₁₁), the textbook's deviation of the first parameter: a measure to
-            rank windows by, not the deviation that is reported.
+        predicted_std: sqrt(σ̂² (G⁻¹)₁₁), the textbook's deviation of the first parameter: a measure
+            to rank windows by, not the deviation that is reported.
         condition: condition number of the regressor.
     """
 
@@ -151,21 +151,21 @@ class Judged(NamedTuple):
     condition: Floats
 
 
-def judge_windows(A: Floats, f: Floats, window: int, index: Ints) -> Judged:
-    """What the gate asks of the windows that end at `index`, in one pass over the samples."""
-    out = Judged(*(np.empty(index.size) for _ in Judged._fields))
+def window_statistics(A: Floats, f: Floats, window: int, index: Ints) -> WindowStatistics:
+    """Compute what the gate asks of the windows that end at `index`, in one pass."""
+    out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
 
     def work(rows: slice) -> None:
         products, *seen = correlated_sums(A, f, window, index[rows])
-        for whole, part in zip(out, (*seen, *promise(products, window)), strict=True):
+        for whole, part in zip(out, (*seen, *predicted_std(products, window)), strict=True):
             whole[rows] = part
 
     in_chunks(work, index.size)
     return out
 
 
-def promise(products: Floats, window: int) -> tuple[Floats, Floats]:
-    """The predicted deviation (m,) and condition (m,) of windows with those packed products."""
+def predicted_std(products: Floats, window: int) -> tuple[Floats, Floats]:
+    """Predict the standard deviation (m,) from packed products; and the condition number (m,)."""
     solved = solve(products)
     p = len(solved.theta)
     # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector

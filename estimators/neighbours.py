@@ -6,7 +6,7 @@ The paper leaves an estimate without the Gaussian assumption to future work; thi
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.trace import Floats, Ints
+from estimators.estimate import Floats, Ints
 
 
 @compiled

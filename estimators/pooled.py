@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.attenuation import DOUBT
-from estimators.autocorrelation import pooled_autocorrelation
+from estimators.autocorrelation import pooled_autocorrelation, widening
 from estimators.compiled import compiled
-from estimators.groups import ids_of
-from estimators.linear import at, condition_numbers, unpack
-from estimators.normal import columns_of, solve
+from estimators.estimate import Floats, Ints, Trace
+from estimators.fit_loss import group_ids
+from estimators.linear import condition_numbers, packed_index, unpack
+from estimators.normal_equations import columns_of, solve
 from estimators.sandwich import deviations, meat
-from estimators.student import widening
-from estimators.trace import Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +55,9 @@ def add_sample(a: Floats, f: float, products: Floats) -> None:
     p = a.size
     for i in range(p):
         for j in range(i, p):
-            products[at(i, j, p + 1)] += a[i] * a[j]
-        products[at(i, p, p + 1)] += a[i] * f
-    products[at(p, p, p + 1)] += f * f
+            products[packed_index(i, j, p + 1)] += a[i] * a[j]
+        products[packed_index(i, p, p + 1)] += a[i] * f
+    products[packed_index(p, p, p + 1)] += f * f
 
 
 def without_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
@@ -67,7 +66,7 @@ def without_noise(products: Floats, counts: Floats, options: PooledOptions) -> F
         return products
     clean, q = products.copy(), columns_of(products)
     for i in range(q - 1):
-        clean[at(i, i, q)] -= counts * options.noise_A[i] ** 2
+        clean[packed_index(i, i, q)] -= counts * options.noise_A[i] ** 2
     return clean
 
 
@@ -87,7 +86,7 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     options = options or PooledOptions()
     p = A.shape[1]
     used = segment_id >= 0
-    ids = ids_of(segment_id).astype(np.int64)
+    ids = group_ids(segment_id).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
     products, first, last = _sums(A, f, segment_id, ids)

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.linear import at
+from estimators.estimate import Floats, Ints
+from estimators.linear import packed_index
 from estimators.rolling import lanes_of, load_columns, sample_products
 from estimators.threads import CHUNK
-from estimators.trace import Floats, Ints
 
 #: Consecutive samples that are worked on together: their sums stay in the fastest cache.
 _AT_ONCE = 512
@@ -157,7 +157,7 @@ def discounted_meats(
                     near[c, k] += r * (A[sample, c] if i >= 0 else first[i, c])
         for i in range(p):
             for j in range(i, p):
-                term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
+                term, x, y, u, v = terms[packed_index(i, j, p)], z[i], z[j], near[i], near[j]
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
         discount(terms, 0, count, decay, past, sums)

@@ -6,8 +6,8 @@ Consecutive windows share their samples, so one operation at a time is done on m
 import numpy as np
 
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.rolling import load_columns, sample_products
-from estimators.trace import Floats, Ints
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
 AT_ONCE = 256
@@ -16,8 +16,8 @@ _IN_STEP = 4
 
 
 @compiled
-def runs(index: Ints) -> Ints:
-    """Where in index (rows,) the runs of consecutive windows begin, (runs + 1,)."""
+def batch_starts(index: Ints) -> Ints:
+    """Where in index (rows,) the batches of consecutive windows begin, (batches + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
     count = 0
     for row in range(index.size):
@@ -86,7 +86,7 @@ def reweighted_sums(
     raw = np.empty((entries, window + AT_ONCE + _IN_STEP))
     weights = np.empty((_IN_STEP, AT_ONCE))
     out = np.zeros((entries, index.size))
-    begins = runs(index)
+    begins = batch_starts(index)
     for number in range(begins.size - 1):
         begin: int = begins[number]
         end: int = begins[number + 1]

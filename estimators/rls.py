@@ -12,9 +12,10 @@ import numpy as np
 
 from estimators import directional
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.estimate import Bools, Floats, Ints, Trace
 from estimators.linear import condition_number, condition_numbers, factor, invert, lstsq, pack
 from estimators.ls import solve_windows
-from estimators.normal import solve
+from estimators.normal_equations import solve
 from estimators.recursive import (
     chunks_of,
     discounted_meats,
@@ -25,7 +26,6 @@ from estimators.recursive import (
 )
 from estimators.rolling import window_ends
 from estimators.sandwich import meat, recursive_deviations
-from estimators.trace import Bools, Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)

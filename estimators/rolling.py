@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.compiled import compiled
-from estimators.linear import at
-from estimators.trace import Bools, Floats, Ints
+from estimators.estimate import Bools, Floats, Ints
+from estimators.linear import packed_index
 
 
 def window_ends(accepted: Bools, window: int) -> Ints:
@@ -114,7 +114,7 @@ def sample_products(z: Floats, count: int, products: Floats) -> None:
     q = z.shape[0]
     for i in range(q):
         for j in range(i, q):
-            product, x, y = products[at(i, j, q)], z[i], z[j]
+            product, x, y = products[packed_index(i, j, q)], z[i], z[j]
             for k in range(count):
                 product[k] = x[k] * y[k]
 
@@ -127,7 +127,7 @@ def uncentred(
     q = centre.size
     for i in range(q):
         for j in range(i, q):
-            total, central = out[at(i, j, q), row:end], moments[q + at(i, j, q)]
+            total, central = out[packed_index(i, j, q), row:end], moments[q + packed_index(i, j, q)]
             x, y = moments[i], moments[j]
             left, right = centre[i], centre[j]
             for k in range(end - row):

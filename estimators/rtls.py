@@ -11,8 +11,9 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
+from estimators.estimate import Bools, Floats, Ints, Trace
 from estimators.linear import condition_numbers, pack
-from estimators.normal import residual_squares
+from estimators.normal_equations import residual_squares
 from estimators.recursive import (
     chunks_of,
     discounted_meats,
@@ -24,7 +25,6 @@ from estimators.recursive import (
 from estimators.rolling import window_ends
 from estimators.sandwich import meat, recursive_deviations
 from estimators.tls import TlsOptions, solve_scaled
-from estimators.trace import Bools, Floats, Ints, Trace
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,16 @@
 
 The window's own residuals give the scale: E[RSS] = s² (n - tr(G⁻¹ Aᵀ R A)), so that s² is right
 for correlated residuals as well. R = I gives the textbook formula. What few residuals leave open
-widens the deviation, so that 1.96 of it are 95 % (`estimators.student`).
+widens the deviation, so that 1.96 of it are 95 % (`autocorrelation.widening`).
 """
 
 import numpy as np
 
-from estimators.autocorrelation import pooled_autocorrelation
+from estimators.autocorrelation import pooled_autocorrelation, widening
 from estimators.compiled import compiled
-from estimators.linear import at, factor, invert, pack
-from estimators.normal import columns_of
+from estimators.estimate import Floats, Ints
+from estimators.linear import factor, invert, pack, packed_index
+from estimators.normal_equations import columns_of
 from estimators.rolling import (
     add_prefix_sums,
     lanes_of,
@@ -19,9 +20,7 @@ from estimators.rolling import (
     suffix_sums,
     take,
 )
-from estimators.student import widening
 from estimators.threads import in_chunks
-from estimators.trace import Floats, Ints
 
 #: Rows at once, which stay in the nearest cache.
 _MEAT_ROWS = 1024
@@ -135,7 +134,7 @@ def _traces(bread: Floats, meats: Floats) -> Floats:
     total = np.zeros(meats.shape[1])
     for i in range(p):
         for j in range(p):
-            total += bread[i, j] * meats[at(min(i, j), max(i, j), p)]
+            total += bread[i, j] * meats[packed_index(min(i, j), max(i, j), p)]
     return total
 
 
@@ -146,7 +145,7 @@ def covers(bread: Floats, meats: Floats) -> Floats:
     for i in range(p):
         for r in range(p):
             for c in range(p):
-                out[i] += bread[i, r] * bread[i, c] * meats[at(min(r, c), max(r, c), p)]
+                out[i] += bread[i, r] * bread[i, c] * meats[packed_index(min(r, c), max(r, c), p)]
     return out
 
 
@@ -184,7 +183,13 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
                 _neighbours(z, samples, left, 2 * left >= window, correlation, near)
                 for i in range(p):
                     for j in range(i, p):
-                        term, x, y, u, v = terms[at(i, j, p)], z[i], z[j], near[i], near[j]
+                        term, x, y, u, v = (
+                            terms[packed_index(i, j, p)],
+                            z[i],
+                            z[j],
+                            near[i],
+                            near[j],
+                        )
                         for k in range(samples):
                             term[k] = x[k] * y[k] + (x[k] * v[k] + u[k] * y[k])
                 suffix_sums(terms, left, sums)

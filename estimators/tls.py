@@ -12,12 +12,12 @@ import numpy as np
 
 from estimators import ls
 from estimators.compiled import compiled
-from estimators.linear import at, condition_number, factor, pack, solve_spd, substitute
-from estimators.normal import columns_of, gram, residual_squares
+from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
+from estimators.linear import condition_number, factor, pack, packed_index, solve_spd, substitute
+from estimators.normal_equations import columns_of, gram, residual_squares
 from estimators.rolling import sum_windows, window_ends
 from estimators.sandwich import window_deviation
 from estimators.threads import in_chunks
-from estimators.trace import Bools, Estimate, Floats, Ints, Trace
 
 #: Newton settles in three or four; halving a bracket to working precision takes fifty.
 _MOST_STEPS = 100
@@ -101,8 +101,8 @@ def _solve_shifted(C: Floats, shifted: Floats, lam: Floats) -> Floats:
     """Solve (G - λI) x = h, x (p, m), with the λ (m,) so far; `shifted` gets G - λI."""
     q = columns_of(C)
     for i in range(q - 1):
-        shifted[at(i, i, q)] = C[at(i, i, q)] - lam
-    x = C[[at(i, q - 1, q) for i in range(q - 1)]]
+        shifted[packed_index(i, i, q)] = C[packed_index(i, i, q)] - lam
+    x = C[[packed_index(i, q - 1, q) for i in range(q - 1)]]
     substitute(*factor(shifted, q, q - 1), x)
     return x
 
@@ -115,13 +115,13 @@ def _newton(C: Floats, x: Floats, roots: Floats, done: Bools) -> bool:
     """
     p, m = x.shape
     lam, low, high = roots[0], roots[1], roots[2]
-    ff = C[at(p, p, p + 1)]
+    ff = C[packed_index(p, p, p + 1)]
     value = np.empty(m)
     slope = np.ones(m)
     for k in range(m):
         value[k] = ff[k] - lam[k]
     for i in range(p):
-        h, solution = C[at(i, p, p + 1)], x[i]
+        h, solution = C[packed_index(i, p, p + 1)], x[i]
         for k in range(m):
             value[k] -= h[k] * solution[k]
             slope[k] += solution[k] * solution[k]

@@ -10,10 +10,10 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.compiled import compiled
+from estimators.estimate import Floats, Ints
 from estimators.linear import factor, invert
 from estimators.ls import solve_windows
 from estimators.sandwich import meat
-from estimators.trace import Floats, Ints
 
 
 @compiled

@@ -11,8 +11,8 @@ from analysis.reproduction.campaign import Campaign, accepting
 from analysis.reproduction.item import NAMES, NO_NUMBERS, Item, listed, percent
 from analysis.schema import values
 from analysis.settings import Settings
-from estimators import fgls, ls, planar, rls, tls
-from estimators.trace import Floats, Trace
+from estimators import fgls, ls, planar_rows, rls, tls
+from estimators.estimate import Floats, Trace
 
 #: The window that the text calls optimal.
 WINDOW_S: Final = 10.0
@@ -92,7 +92,7 @@ def fig_3_item(campaign: Campaign) -> Item:
 def fig_4_item(campaign: Campaign) -> Item:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
-    A = planar.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
+    A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
     A, f = np.ascontiguousarray(A), values(excitation, "torque_z_N_m")
     rate_hz = campaign.settings.align.rate_hz
     window = round(WINDOW_S * rate_hz)

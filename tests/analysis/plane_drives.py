@@ -1,7 +1,7 @@
 """Drives in the plane as sensors say them: starts, spins, arcs and joint motion, with noise.
 
 Speeds are prescribed or pushed through first-order friction; force and yaw torque are what Newton
-and Euler ask for (`estimators.planar.regressor` times the loader's parameters).
+and Euler ask for (`estimators.planar_rows.regressor` times the loader's parameters).
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.trace import trace
 from analysis.verdict import can_weigh, tells_inertia, verdict
-from estimators import planar as model
+from estimators import planar_rows as model
 from tests.analysis.settings_by_name import staged
 
 RATE_HZ = 100

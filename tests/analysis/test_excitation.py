@@ -9,7 +9,7 @@ from analysis.excitation import design, driving, rank, response_time_s
 from analysis.prediction import Filters, Measured, noise_of, parameters, window_system
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.manoeuvres import Excite
-from estimators import planar
+from estimators import planar_rows
 from estimators.errors import DataError
 
 TRIALS = 400
@@ -83,7 +83,7 @@ def test_the_predicted_errors_of_a_joint_excitation_are_those_of_monte_carlo():
     made = designed("joint", "ahead")
     score = made.best
     found, body = errors(AHEAD, "joint", score, made.window_s)
-    moment = found[:, planar.PARAMETERS.index("first_moment_x_kg_m")]
+    moment = found[:, planar_rows.PARAMETERS.index("first_moment_x_kg_m")]
     estimates = {
         "mass_kg": found[:, 0],
         "inertia_z_kg_m2": found[:, 1],

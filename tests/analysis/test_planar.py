@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.schema import FRAMES
-from estimators.planar import PARAMETERS
+from estimators.planar_rows import PARAMETERS
 from tests.analysis.plane_drives import (
     LOADER,
     arc,

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from estimators import planar, rigid_body
+from estimators import planar_rows, rigid_body
 
-#: A loader, in the order of planar.PARAMETERS.
+#: A loader, in the order of planar_rows.PARAMETERS.
 LOADER = np.array([3614.0, 4200.0, 500.0, -60.0, 2891.0, 1500.0])
 
 T_S = np.arange(2000) / 100.0
@@ -78,4 +78,4 @@ def measured(motion, noise, generator, mean):
 
 
 def forces(motion, parameters=LOADER):
-    return planar.regressor(**motion) @ parameters
+    return planar_rows.regressor(**motion) @ parameters

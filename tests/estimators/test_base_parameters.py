@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators import blocks, ls, planar
+from estimators import blocks, ls, planar_rows
 from estimators.base_parameters import fit
 from estimators.errors import DataError
 from tests.estimators.motions import LOADER, MOTIONS, constant_arc, forces, measured, spin
 
-AT = {name: i for i, name in enumerate(planar.PARAMETERS)}
+AT = {name: i for i, name in enumerate(planar_rows.PARAMETERS)}
 SIGMA = np.array([60.0, 25.0])
 
 
 def fitted(motion, **options):
-    return fit(planar.regressor(**motion), forces(motion), planar.PARAMETERS, **options)
+    return fit(planar_rows.regressor(**motion), forces(motion), planar_rows.PARAMETERS, **options)
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
@@ -50,9 +50,9 @@ def test_an_arc_tells_the_first_moment_once_the_friction_is_known():
 def test_the_error_of_what_is_known_is_an_error_of_what_is_found():
     """From f_x alone, mc_x = (v b_x - f_x) / ω²: its error is v / ω² times that of b_x."""
     arc = constant_arc()
-    A = planar.regressor(**arc)[:, :1]
+    A = planar_rows.regressor(**arc)[:, :1]
     f = forces(arc)[:, :1]
-    found = fit(A, f, planar.PARAMETERS, known={"friction_x_N_s_m": (2891.0, 50.0)})
+    found = fit(A, f, planar_rows.PARAMETERS, known={"friction_x_N_s_m": (2891.0, 50.0)})
     i, j = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
     assert found.std[i] == pytest.approx(7.5 * 50.0)
     assert found.covariance[i, j] == pytest.approx(7.5 * 50.0**2)
@@ -60,9 +60,9 @@ def test_the_error_of_what_is_known_is_an_error_of_what_is_found():
 
 def test_straight_spin_and_arc_together_determine_what_each_alone_does_not():
     stretches = [MOTIONS["straight"], MOTIONS["spin about the origin"], constant_arc()]
-    A = np.concatenate([planar.regressor(**motion) for motion in stretches])
+    A = np.concatenate([planar_rows.regressor(**motion) for motion in stretches])
     f = np.concatenate([forces(motion) for motion in stretches])
-    found = fit(A, f, planar.PARAMETERS, segment_id=np.repeat([4, 7, 9], 2000))
+    found = fit(A, f, planar_rows.PARAMETERS, segment_id=np.repeat([4, 7, 9], 2000))
     assert found.identifiability.rank == 6
     np.testing.assert_allclose(found.theta, LOADER, rtol=1e-9)
     ratio, _ = found.quotient("first_moment_x_kg_m", "mass_kg")
@@ -71,7 +71,7 @@ def test_straight_spin_and_arc_together_determine_what_each_alone_does_not():
 
 def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a_moving_mean():
     """Smoothed like the log: force noise of 60 N and 25 N·m before a mean of ten samples."""
-    A = planar.regressor(**MOTIONS["joint"])
+    A = planar_rows.regressor(**MOTIONS["joint"])
     truth = A @ LOADER
     kernel = np.ones(10) / 10
     covered, com_covered = [], []
@@ -79,7 +79,7 @@ def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a
     for seed in range(200):
         noise = SIGMA * np.random.default_rng(seed).normal(size=(2009, 2))
         f = truth + np.column_stack([np.convolve(x, kernel, "valid") for x in noise.T])
-        found = fit(A, f, planar.PARAMETERS)
+        found = fit(A, f, planar_rows.PARAMETERS)
         covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
         ratio, std = found.quotient("first_moment_x_kg_m", "mass_kg")
         com_covered.append(abs(ratio - com) < 1.96 * std)
@@ -101,20 +101,20 @@ NOISE = {
 def noisy(motion, seed, mean=1):
     """The regressor with noise on every channel, the true force with noise, noise of columns."""
     generator = np.random.default_rng(seed)
-    A = planar.regressor(**measured(motion, NOISE, generator, mean))
+    A = planar_rows.regressor(**measured(motion, NOISE, generator, mean))
     f = forces(motion)[mean - 1 :] + SIGMA / 10 * generator.normal(size=(A.shape[0], 2))
     turning = float(np.sqrt(np.mean(motion["yaw_rate"] ** 2)))
-    return A, f, planar.column_noise(turning, **NOISE)
+    return A, f, planar_rows.column_noise(turning, **NOISE)
 
 
 def test_known_noise_of_the_columns_draws_nothing_and_nominal_95_percent_intervals_cover():
     covered, errors, drawn = [], [], []
     for seed in range(100):
         A, f, noise = noisy(MOTIONS["joint"], seed)
-        found = fit(A, f, planar.PARAMETERS, noise=noise)
+        found = fit(A, f, planar_rows.PARAMETERS, noise=noise)
         covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
         errors.append(found.theta - LOADER)
-        drawn.append(fit(A, f, planar.PARAMETERS).theta - LOADER)
+        drawn.append(fit(A, f, planar_rows.PARAMETERS).theta - LOADER)
     assert (np.mean(covered, axis=0) >= 0.90).all()
     inertia = AT["inertia_z_kg_m2"]
     bias, before = np.mean(errors, axis=0)[inertia], np.mean(drawn, axis=0)[inertia]
@@ -128,7 +128,7 @@ def test_noise_is_taken_off_combinations_alike():
     found, drawn = [], []
     for seed in range(30):
         A, f, noise = noisy(spin(-0.2), seed)
-        told = fit(A, f, planar.PARAMETERS, noise=noise)
+        told = fit(A, f, planar_rows.PARAMETERS, noise=noise)
         assert told.identifiability.texts()[-1].startswith("inertia_z_kg_m2 - ")
         assert abs(told.combination[-1] - truth) < 4 * told.combination_std[-1]
         found.append(told.combination[-1])
@@ -142,7 +142,7 @@ def test_what_a_known_one_errs_by_is_passed_on_through_the_columns_without_their
     A, f, noise = noisy(MOTIONS["joint"], 1)
     friction = ("friction_z_N_m_s", 1500.0)
     at, off = (
-        fit(A, f, planar.PARAMETERS, known={friction[0]: (friction[1] + d, 10.0)}, noise=noise)
+        fit(A, f, planar_rows.PARAMETERS, known={friction[0]: (friction[1] + d, 10.0)}, noise=noise)
         for d in (0.0, 1.0)
     )
     i, j = AT["inertia_z_kg_m2"], AT["friction_z_N_m_s"]
@@ -153,10 +153,12 @@ def test_what_a_known_one_errs_by_is_passed_on_through_the_columns_without_their
 def test_a_log_of_many_blocks_is_fitted_as_one_and_blocks_need_not_be_an_array(monkeypatch):
     A, f, noise = noisy(MOTIONS["joint"], 2, mean=10)
     segment_id = np.where(np.arange(1991) % 700 < 30, -1, np.arange(1991) // 700)
-    whole = fit(A, f, planar.PARAMETERS, segment_id, noise=noise)
+    whole = fit(A, f, planar_rows.PARAMETERS, segment_id, noise=noise)
     monkeypatch.setattr(blocks, "BLOCK", 137)
     channels = measured(MOTIONS["joint"], NOISE, np.random.default_rng(2), 10)
-    parts = fit(planar.Motion(**channels), f, planar.PARAMETERS, segment_id, noise=noise)
+    parts = fit(
+        planar_rows.PlanarRegressor(**channels), f, planar_rows.PARAMETERS, segment_id, noise=noise
+    )
     np.testing.assert_allclose(parts.theta, whole.theta, rtol=1e-10)
     np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8)
 
@@ -169,7 +171,7 @@ def test_a_long_log_is_never_held_as_one_regressor():
     )
     tracemalloc.start()
     try:
-        found = fit(planar.Motion(**channels), f, planar.PARAMETERS)
+        found = fit(planar_rows.PlanarRegressor(**channels), f, planar_rows.PARAMETERS)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
@@ -180,9 +182,9 @@ def test_a_long_log_is_never_held_as_one_regressor():
 def test_the_axes_are_weighted_by_their_noise():
     """mc_y stands in both rows; with a useless force its value comes from the torque."""
     motion = MOTIONS["joint"]
-    A, f = planar.regressor(**motion), forces(motion)
+    A, f = planar_rows.regressor(**motion), forces(motion)
     f = f + np.random.default_rng(2).normal(size=f.shape) * [2000.0, 1.0]
-    found = fit(A, f, planar.PARAMETERS)
+    found = fit(A, f, planar_rows.PARAMETERS)
     weighted = A / np.array([2000.0, 1.0])[:, None]
     cover = np.linalg.inv(weighted.reshape(-1, 6).T @ weighted.reshape(-1, 6))
     np.testing.assert_allclose(found.std, np.sqrt(np.diagonal(cover)), rtol=0.2)
@@ -190,9 +192,9 @@ def test_the_axes_are_weighted_by_their_noise():
 
 
 def test_one_axis_in_one_stretch_is_ordinary_least_squares():
-    A = planar.straight(MOTIONS["straight"]["specific_force_x"], MOTIONS["straight"]["speed"])
+    A = planar_rows.straight(MOTIONS["straight"]["specific_force_x"], MOTIONS["straight"]["speed"])
     f = A @ [3614.0, 2891.0] + np.random.default_rng(4).normal(scale=60.0, size=2000)
-    found = fit(A[:, None], f[:, None], planar.STRAIGHT_PARAMETERS)
+    found = fit(A[:, None], f[:, None], planar_rows.STRAIGHT_PARAMETERS)
     expected = ls.fit(A, f)
     np.testing.assert_allclose(found.theta, expected.theta, rtol=1e-9)
     np.testing.assert_allclose(found.std, expected.std, rtol=1e-6)
@@ -200,10 +202,10 @@ def test_one_axis_in_one_stretch_is_ordinary_least_squares():
 
 def test_samples_left_out_may_be_nan():
     motion = MOTIONS["joint"]
-    A, f = planar.regressor(**motion), forces(motion)
+    A, f = planar_rows.regressor(**motion), forces(motion)
     segment_id = np.where(np.arange(2000) % 50 < 5, -1, np.arange(2000) // 1000)
     A[segment_id < 0] = f[segment_id < 0] = np.nan
-    found = fit(A, f, planar.PARAMETERS, segment_id=segment_id)
+    found = fit(A, f, planar_rows.PARAMETERS, segment_id=segment_id)
     np.testing.assert_allclose(found.theta, LOADER, rtol=1e-9)
 
 
@@ -213,9 +215,9 @@ def test_samples_left_out_may_be_nan():
 )
 def test_any_sequence_of_motions_gives_truth_or_nan(chosen, seed):
     loader = LOADER * np.random.default_rng(seed).uniform(0.2, 5.0, 6)
-    A = np.concatenate([planar.regressor(**MOTIONS[name]) for name in chosen])
+    A = np.concatenate([planar_rows.regressor(**MOTIONS[name]) for name in chosen])
     f = A @ loader
-    found = fit(A, f, planar.PARAMETERS, np.repeat(np.arange(len(chosen)), 2000))
+    found = fit(A, f, planar_rows.PARAMETERS, np.repeat(np.arange(len(chosen)), 2000))
     single = found.identifiability.identifiable
     np.testing.assert_allclose(found.theta[single], loader[single], rtol=1e-6)
     np.testing.assert_array_equal(np.isnan(found.theta), ~single)
@@ -223,7 +225,7 @@ def test_any_sequence_of_motions_gives_truth_or_nan(chosen, seed):
 
 @pytest.mark.parametrize("samples", [0, 100])
 def test_standstill_tells_nothing_and_is_no_error(samples):
-    found = fit(np.zeros((samples, 2, 6)), np.ones((samples, 2)), planar.PARAMETERS)
+    found = fit(np.zeros((samples, 2, 6)), np.ones((samples, 2)), planar_rows.PARAMETERS)
     assert np.isnan(found.theta).all()
     assert np.isnan(found.std).all()
     assert found.combination.size == 0
@@ -232,11 +234,11 @@ def test_standstill_tells_nothing_and_is_no_error(samples):
 def test_what_is_wrong_is_said_in_one_line():
     A, f = np.ones((5, 2, 6)), np.ones((5, 2))
     with pytest.raises(DataError, match="did you mean 'mass_kg'"):
-        fit(A, f, planar.PARAMETERS, known={"mass_k": (1.0, 0.0)})
+        fit(A, f, planar_rows.PARAMETERS, known={"mass_k": (1.0, 0.0)})
     with pytest.raises(DataError, match=r"asks for forces \(5, 2\)"):
-        fit(A, f[:, 0], planar.PARAMETERS)
+        fit(A, f[:, 0], planar_rows.PARAMETERS)
     with pytest.raises(DataError, match="forces hold NaN"):
-        fit(A, np.nan * f, planar.PARAMETERS)
+        fit(A, np.nan * f, planar_rows.PARAMETERS)
 
 
 @settings(deadline=None)

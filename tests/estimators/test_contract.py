@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from estimators import fgls, huber, ls, pooled, rls, rtls, tls
+from estimators.estimate import Trace
 from estimators.linear import condition_number
-from estimators.trace import Trace
 
 WINDOW = 40
 #: Accepted window ends: two stretches that share samples, one alone, one far away.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from estimators import pooled
-from estimators.student import student_factor
+from estimators.autocorrelation import student_factor
 
 
 def interleaved(n=600, seed=1):

@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from estimators import ls
-from estimators.linear import at
+from estimators.linear import packed_index
 from estimators.rolling import sum_windows, window_ends
 
 numbers = st.floats(-1e6, 1e6)
@@ -86,6 +86,6 @@ def test_the_packed_sums_are_those_of_the_normal_equations(p):
         G = a.T @ a
         for i in range(p):
             for j in range(i, p):
-                assert grams[row, at(i, j, p)] == pytest.approx(G[i, j], rel=1e-12)
+                assert grams[row, packed_index(i, j, p)] == pytest.approx(G[i, j], rel=1e-12)
         np.testing.assert_allclose(theta[row], np.linalg.lstsq(a, y)[0], rtol=1e-10)
         assert rss[row] == pytest.approx(((y - a @ theta[row]) ** 2).sum(), rel=1e-10)

@@ -8,9 +8,8 @@ import pytest
 from scipy.stats import norm, t
 
 from estimators import ls, pooled, rls
-from estimators.autocorrelation import pooled_autocorrelation, window_residuals
+from estimators.autocorrelation import pooled_autocorrelation, student_factor, window_residuals
 from estimators.sandwich import deviations, meat
-from estimators.student import student_factor
 from estimators.window_mean import mean_estimate
 
 TRUTH = np.array([3614.0, 2891.0])

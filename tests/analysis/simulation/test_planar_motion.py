@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.simulation import Scenario, solve_motion
-from estimators import planar
+from estimators import planar_rows
 from estimators.identifiability import identify
 
 MACHINE = {
@@ -51,7 +51,7 @@ def sampled(motion, rate_hz=100.0):
 
 
 def regressor(run):
-    return planar.regressor(
+    return planar_rows.regressor(
         run.specific_force_x_m_s2,
         run.specific_force_y_m_s2,
         run.speed_x_m_s,
@@ -122,13 +122,13 @@ def test_speeds_are_continuous_and_accelerations_are_their_rates():
             4,
             {"inertia_z_kg_m2", "first_moment_x_kg_m", "first_moment_y_kg_m", "friction_z_N_m_s"},
         ),
-        (JOINT, 6, set(planar.PARAMETERS)),
+        (JOINT, 6, set(planar_rows.PARAMETERS)),
     ],
 )
 def test_a_motion_identifies_what_the_estimators_say_it_can(manoeuvre, rank, alone):
     motion = solved(manoeuvre)
     _, run = sampled(motion)
-    found = identify(regressor(run), planar.PARAMETERS)
+    found = identify(regressor(run), planar_rows.PARAMETERS)
     assert found.rank == rank
     assert {n for n, yes in zip(found.parameters, found.identifiable, strict=True) if yes} == alone
 
@@ -140,7 +140,7 @@ def test_one_arc_at_constant_rates_has_rank_two():
     np.testing.assert_allclose(run.speed_x_m_s, 0.8)
     np.testing.assert_allclose(run.yaw_rate_rad_s, 0.3)
     assert set(run.phase[:-1]) == {"arc"}
-    assert identify(regressor(run), planar.PARAMETERS).rank == 2
+    assert identify(regressor(run), planar_rows.PARAMETERS).rank == 2
 
 
 def test_the_load_changes_mass_first_moment_and_inertia_by_where_it_sits():

@@ -16,20 +16,21 @@ from estimators import directional
 from estimators import rls as recursion
 from estimators import rtls as total_recursion
 from estimators.compiled import compiled
-from estimators.fgls import FglsOptions, weigh
-from estimators.huber import HuberOptions, bend
+from estimators.estimate import Estimate, Floats, Ints
+from estimators.fgls import FglsOptions
+from estimators.fgls import reweight as reweight_fgls
+from estimators.huber import HuberOptions
+from estimators.huber import reweight as reweight_huber
 from estimators.information import correlation
 from estimators.linear import condition_number, condition_numbers, inverse_spd, pack, unpack
-from estimators.ls import least_squares
-from estimators.ls import promise as ls_promise
-from estimators.normal import columns_of, gram, residual_squares, solve
+from estimators.ls import WindowStatistics, least_squares, predicted_std
+from estimators.normal_equations import columns_of, gram, residual_squares, solve
 from estimators.pooled import PooledOptions, add_sample, without_noise
 from estimators.recursive import feed_products, in_lanes, weights
 from estimators.rls import RlsOptions, RlsState
 from estimators.rolling import centred_terms, lanes_of, suffix_sums, uncentred
 from estimators.rtls import RtlsOptions
 from estimators.tls import TlsOptions, solve_scaled
-from estimators.trace import Estimate, Floats, Ints
 
 
 class WindowState(NamedTuple):
@@ -105,22 +106,12 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
 
 
-class Promise(NamedTuple):
-    """What the gate sees of a window before it is used."""
-
-    rho: float
-    spread: float
-    predicted_deviation: float
-    condition: float
-
-
-def promise(state: WindowState) -> Promise:
-    """ρ of the first column and the force, their spread, predicted deviation and condition."""
+def window_statistics(state: WindowState) -> WindowStatistics:
+    """Compute what the gate asks of the window that ends now, (1,) each."""
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
     correlation(state.moments, state.centre, window, rho, spread)
-    predicted, condition = ls_promise(state.products, window)
-    return Promise(float(rho[0]), float(spread[0]), float(predicted[0]), float(condition[0]))
+    return WindowStatistics(rho, spread, *predicted_std(state.products, window))
 
 
 def ls(state: WindowState, mean: int) -> Estimate:
@@ -133,7 +124,7 @@ def ls(state: WindowState, mean: int) -> Estimate:
 def fgls(state: WindowState, mean: int, options: FglsOptions) -> Estimate:
     """Feasible generalised least squares of the window that ends now: O(window)."""
     A, f, end = _as_log(state)
-    theta = weigh(A, f, f.size, end, state.products, options)
+    theta = reweight_fgls(A, f, f.size, end, state.products, options)
     return _estimate(state, theta, gram(state.products), mean)
 
 
@@ -145,8 +136,8 @@ def tls(state: WindowState, mean: int, options: TlsOptions) -> Estimate:
 def huber(state: WindowState, mean: int, options: HuberOptions) -> Estimate:
     """Huber's regression of the window that ends now: O(window) a step, of a hundred at most."""
     A, f, end = _as_log(state)
-    theta, bent = bend(A, f, f.size, end, state.products, options)
-    return _estimate(state, theta, gram(state.products), mean, bent.squares)
+    theta, residuals = reweight_huber(A, f, f.size, end, state.products, options)
+    return _estimate(state, theta, gram(state.products), mean, residuals.squares)
 
 
 def _as_log(state: WindowState) -> tuple[Floats, Floats, Ints]:

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimators.linear import at, factor, substitute
-from estimators.trace import Floats
+from estimators.estimate import Floats
+from estimators.linear import factor, packed_index, substitute
 
 
 class Solution(NamedTuple):
@@ -27,10 +27,10 @@ def solve(products: Floats) -> Solution:
     q = columns_of(products)
     p = q - 1
     L, inverse = factor(products, q, p)
-    sides = [at(i, p, q) for i in range(p)]
+    sides = [packed_index(i, p, q) for i in range(p)]
     theta = products[sides]
     substitute(L, inverse, theta)
-    rss = products[at(p, p, q)].copy()
+    rss = products[packed_index(p, p, q)].copy()
     for side, x in zip(sides, theta, strict=True):
         rss -= products[side] * x
     return Solution(theta, L, inverse, np.maximum(rss, 0.0))
@@ -39,15 +39,15 @@ def solve(products: Floats) -> Solution:
 def residual_squares(products: Floats, theta: Floats) -> Floats:
     """Residual sums of squares (m,) of any θ (p, m): ff - 2 θᵀh + θᵀG θ."""
     p = len(theta)
-    rss = products[at(p, p, p + 1)].copy()
+    rss = products[packed_index(p, p, p + 1)].copy()
     for i in range(p):
-        rss -= 2.0 * theta[i] * products[at(i, p, p + 1)]
+        rss -= 2.0 * theta[i] * products[packed_index(i, p, p + 1)]
         for j in range(p):
-            rss += theta[i] * theta[j] * products[at(min(i, j), max(i, j), p + 1)]
+            rss += theta[i] * theta[j] * products[packed_index(min(i, j), max(i, j), p + 1)]
     return np.maximum(rss, 0.0)
 
 
 def gram(products: Floats) -> Floats:
     """AᵀA alone, packed (p(p+1)/2, m), out of the products of [A f]."""
     q = columns_of(products)
-    return products[[at(i, j, q) for i in range(q - 1) for j in range(i, q - 1)]]
+    return products[[packed_index(i, j, q) for i in range(q - 1) for j in range(i, q - 1)]]

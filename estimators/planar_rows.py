@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.trace import Bools, Floats
+from estimators.estimate import Bools, Floats
 
 #: The parameters of the two rows, a name a column; names as in `rigid_body.PARAMETERS`. A
 #: combination is told of its earliest: mass and inertia come before the moments they mix with.
@@ -127,8 +127,8 @@ def regressor(
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
-    """Motion in the plane, whose regressor is made a slice at a time: a shift's takes gigabytes.
+class PlanarRegressor:
+    """The regressor of a motion in the plane, made a slice at a time: a shift's takes gigabytes.
 
     Attributes:
         specific_force_x: (n,) and so on, as `regressor` takes them.
@@ -161,9 +161,9 @@ class Motion:
         """The regressor of a slice of samples, (m, rows, 6)."""
         return regressor(*(x[part] for x in self._channels))[:, : self.rows]
 
-    def cut(self, part: slice) -> "Motion":
+    def cut(self, part: slice) -> "PlanarRegressor":
         """A slice of the samples, which shares their memory."""
-        return Motion(*(x[part] for x in self._channels), rows=self.rows)
+        return PlanarRegressor(*(x[part] for x in self._channels), rows=self.rows)
 
     def known(self) -> Bools:
         """(n,) the samples of which no channel is missing."""
