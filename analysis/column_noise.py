@@ -2,22 +2,28 @@
 
 import numpy as np
 
+from analysis.methods import AxisNoise, Method
 from analysis.regressor import Axis, Floats, X
-from analysis.settings import EXACT, Method, Settings
+from analysis.settings import Settings
 from estimators.attenuation import DOUBT, window_attenuations
 from estimators.estimate import Ints
+from estimators.tls import TlsOptions
 
 
-def column_noise(axis: Axis, settings: Settings) -> Floats | None:
-    """R.m.s. noise (p,) of an axis' columns after the moving mean; None where A is near enough.
+def axis_noise(axis: Axis, settings: Settings) -> AxisNoise:
+    """Collect what the settings say of the noise of an axis.
 
     A yaw acceleration is a derivative, whose noise draws the inertia towards zero by a percent; an
-    accelerometer's draws the mass by less than a tenth of a kilogram.
+    accelerometer's draws the mass by less than a tenth of a kilogram, and counts as none.
     """
+    noise = settings.noise
     if axis is X:
-        return None
-    raw = np.array([settings.noise.yaw_acc_rad_s2, settings.noise.yaw_rate_rad_s])
-    return raw / np.sqrt(settings.smooth.samples)
+        # Coulomb's sign is nearly exact
+        return AxisNoise(TlsOptions((noise.acc_m_s2, noise.speed_m_s, 1e-3), noise.force_N), None)
+    raw = (noise.yaw_acc_rad_s2, noise.yaw_rate_rad_s)
+    return AxisNoise(
+        TlsOptions(raw, noise.torque_z_N_m), np.array(raw) / np.sqrt(settings.smooth.samples)
+    )
 
 
 def systematic(
@@ -29,7 +35,7 @@ def systematic(
     theta: Floats,
     settings: Settings,
 ) -> Floats:
-    """What the residuals of a window do not show of its error, (rows, p), signed.
+    """Compute the errors of windows that their residuals do not show, (rows, p), signed.
 
     The noise of the columns draws estimates towards zero. Methods that take the regressor for exact
     keep that, so it counts whole; the others take it off by a noise that is known to about half.
@@ -43,8 +49,8 @@ def systematic(
         theta: (rows, p) their estimates.
         settings: window, noise.
     """
-    noise = column_noise(axis, settings)
+    noise = axis_noise(axis, settings).columns
     if noise is None:
         return np.zeros_like(theta)
     drawn = window_attenuations(A, f, settings.gate.window_samples, index, theta, noise)
-    return drawn if method in EXACT else DOUBT * drawn
+    return DOUBT * drawn if method.takes_noise_off else drawn

@@ -6,9 +6,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.column_noise import column_noise, systematic
+from analysis.column_noise import axis_noise, systematic
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
+from analysis.methods import METHODS, Summary
 from analysis.regressor import (
     Axis,
     X,
@@ -19,7 +20,7 @@ from analysis.regressor import (
     theta_of,
 )
 from analysis.schema import build, values
-from analysis.settings import RECURSIVE, Method, Settings
+from analysis.settings import Settings
 from estimators import pooled
 from estimators.window_mean import mean_estimate
 
@@ -29,7 +30,7 @@ Floats = NDArray[np.float64]
 def masses(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
-    estimates: Mapping[Method, pl.DataFrame],
+    estimates: Mapping[str, pl.DataFrame],
     machine: Machine,
     *,
     weighs: bool,
@@ -51,10 +52,10 @@ def masses(
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in axes(excitation):
         told = weighs if axis is X else inertia
-        rows: dict[Method, pl.DataFrame] = {
+        rows: dict[str, pl.DataFrame] = {
             method: rows_of(axis, frame) for method, frame in estimates.items()
         }
-        shown: dict[Method, pl.DataFrame] = (
+        shown: dict[str, pl.DataFrame] = (
             rows if told else {m: each.clear() for m, each in rows.items()}
         )
         columns |= theta_columns(axis, *_totals(axis, excitation, gated, shown, machine.settings))
@@ -75,9 +76,8 @@ def pooled_over_log(
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
-    whole = pooled.trace(
-        A, f, np.where(used, 0, -1), pooled.PooledOptions(column_noise(axis, settings))
-    )
+    options = pooled.PooledOptions(axis_noise(axis, settings).columns)
+    whole = pooled.trace(A, f, np.where(used, 0, -1), options)
     return whole.theta[0], whole.std[0]
 
 
@@ -85,7 +85,7 @@ def _totals(
     axis: Axis,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
-    estimates: Mapping[Method, pl.DataFrame],
+    estimates: Mapping[str, pl.DataFrame],
     settings: Settings,
 ) -> tuple[Floats, Floats]:
     """Parameters (methods, p) and deviations (methods, p), NaN where there is no estimate."""
@@ -93,19 +93,21 @@ def _totals(
     t_ns = excitation["t_ns"].to_numpy()
     theta = np.full((len(estimates), A.shape[1]), np.nan)
     std = theta.copy()
-    for row, (method, frame) in enumerate(estimates.items()):
+    for row, (name, frame) in enumerate(estimates.items()):
         if frame.is_empty():
             continue
-        if method == "pooled":
-            theta[row], std[row] = pooled_over_log(axis, excitation, gated, settings)
-        elif method in RECURSIVE:
-            traced, traced_std = theta_of(axis, frame)
-            theta[row], std[row] = traced[-1], traced_std[-1]
-        else:
-            index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
-            windows = theta_of(axis, frame)
-            unseen = systematic(axis, method, A, f, index, windows[0], settings)
-            theta[row], std[row] = mean_estimate(
-                A, f, settings.gate.window_samples, index, *windows, unseen
-            )
+        method = METHODS[name]
+        match method.summary:
+            case Summary.POOL:
+                theta[row], std[row] = pooled_over_log(axis, excitation, gated, settings)
+            case Summary.LAST:
+                traced, traced_std = theta_of(axis, frame)
+                theta[row], std[row] = traced[-1], traced_std[-1]
+            case Summary.MEAN:
+                index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
+                windows = theta_of(axis, frame)
+                unseen = systematic(axis, method, A, f, index, windows[0], settings)
+                theta[row], std[row] = mean_estimate(
+                    A, f, settings.gate.window_samples, index, *windows, unseen
+                )
     return theta, std

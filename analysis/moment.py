@@ -116,21 +116,13 @@ def watch(
         case "information":
             poor = index < settings.gate.threshold_nat
         case "variance":
-<<<<<<< HEAD
-            poor = not seen.predicted_deviation <= settings.gate.threshold_std_kg
-=======
-            poor = not predicted_std <= settings.threshold_std_kg
->>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
+            poor = not predicted_std <= settings.gate.threshold_std_kg
         case "ksg":
             if not any(refusals.values()):
                 ksg = _nearest(window, settings)
             poor = not ksg >= settings.gate.threshold_nat
     refusals["low_information"] = poor
-<<<<<<< HEAD
-    refusals["ill_conditioned"] = not seen.condition <= settings.gate.condition_max
-=======
-    refusals["ill_conditioned"] = not condition <= settings.condition_max
->>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
+    refusals["ill_conditioned"] = not condition <= settings.gate.condition_max
     reason = next((name for name, holds_now in refusals.items() if holds_now), "accepted")
     return (
         Moment(

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.column_noise import axis_noise
+from analysis.methods import METHODS, Feed, Method
 from analysis.moment import Moment, Watch, start_watch, watch
 from analysis.regressor import X
-from analysis.settings import RECURSIVE, Settings
-from analysis.trace import options_of
+from analysis.settings import Settings
 from estimators import incremental
 from estimators.estimate import Estimate
 
@@ -136,7 +137,7 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
     while state.settling and watched.row - state.settling[0].row >= watched.braking_lag - 1:
         state, fed = _feed(state)
         estimates |= fed
-    if "pooled" in settings.trace.methods:
+    if any(_chosen(settings, Feed.SEGMENTS)):
         state, finished = _pool(state, watched.row)
         estimates |= finished
     return Step(state, moment, estimates)
@@ -161,28 +162,25 @@ def number(value: float | None) -> float:
 def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
     """Every windowed method on the window that ends at `row`, which was accepted."""
     settings, window = state.settings, state.window
-    mean = settings.smooth.samples
-    options = options_of(X, settings)
-    estimates: dict[str, Standing] = {}
-    for method in settings.trace.methods:
-        match method:
-            case "ls":
-                estimate = incremental.ls(window, mean)
-            case "fgls":
-                estimate = incremental.fgls(window, mean, options.fgls)
-            case "tls":
-                estimate = incremental.tls(window, mean, options.tls)
-            case "huber":
-                estimate = incremental.huber(window, mean, options.huber)
-            case "rls" | "rtls" | "pooled":
-                continue
-        estimates[method] = Standing(row, estimate)
-    if RECURSIVE.intersection(settings.trace.methods):
+    estimates = {
+        method.name: Standing(row, method.step(window, settings.smooth.samples, options))
+        for method, options in _chosen(settings, Feed.WINDOWS)
+    }
+    if any(_chosen(settings, Feed.SETTLED)):
         state = replace(state, settling=(*state.settling, Settling(row, window)))
-    if "pooled" in settings.trace.methods:
+    if any(_chosen(settings, Feed.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = _pending(state, row, newest)
     return replace(state, accepted_row=row), estimates
+
+
+def _chosen(settings: Settings, feed: Feed) -> Iterator[tuple[Method, Any]]:
+    """The methods of the settings that are fed so, with their options."""
+    noise = axis_noise(X, settings)
+    for name in settings.trace.methods:
+        method = METHODS[name]
+        if method.feed is feed:
+            yield method, method.options(settings.trace, noise)
 
 
 def _feed(state: State) -> tuple[State, dict[str, Standing]]:
@@ -193,19 +191,12 @@ def _feed(state: State) -> tuple[State, dict[str, Standing]]:
         return state, {}
     newest = min(row - state.fed_row, settings.gate.window_samples)
     mean = settings.smooth.samples
-    options = options_of(X, settings)
     pasts = dict(state.pasts)
     estimates: dict[str, Standing] = {}
-    for method in settings.trace.methods:
-        if method not in RECURSIVE:
-            continue
-        past = pasts.get(method)
-        if method == "rls":
-            follow = incremental.directional_rls if options.rls.directional else incremental.rls
-            pasts[method], estimate = follow(window, past, newest, mean, options.rls)
-        else:
-            pasts[method], estimate = incremental.rtls(window, past, newest, mean, options.rtls)
-        estimates[method] = Standing(row, estimate)
+    for method, options in _chosen(settings, Feed.SETTLED):
+        past = pasts.get(method.name)
+        pasts[method.name], estimate = method.step(window, past, newest, mean, options)
+        estimates[method.name] = Standing(row, estimate)
     return replace(state, pasts=pasts, fed_row=row), estimates
 
 
@@ -250,11 +241,8 @@ def _empty(state: State) -> incremental.Pool:
 def _standing(state: State) -> Mapping[str, Standing]:
     if state.pool.samples == 0:
         return {}
+    mean = state.settings.smooth.samples
     return {
-        "pooled": Standing(
-            state.pooled_row,
-            state.pool.estimate(
-                state.settings.smooth.samples, options_of(X, state.settings).pooled
-            ),
-        )
+        method.name: Standing(state.pooled_row, method.step(state.pool, mean, options))
+        for method, options in _chosen(state.settings, Feed.SEGMENTS)
     }

@@ -115,13 +115,8 @@ def plane_noise(motion: planar_rows.PlanarRegressor, used: Bools, settings: Sett
     sideways = np.hypot(
         speed_rms * settings.noise.yaw_rate_rad_s, yaw_rate_rms * settings.noise.speed_m_s
     )
-<<<<<<< HEAD
     mean = np.sqrt(settings.smooth.samples)
-    return planar.column_noise(
-=======
-    mean = np.sqrt(settings.smooth_samples)
     return planar_rows.column_noise(
->>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
         yaw_rate_rms,
         settings.noise.acc_m_s2 / mean,
         max(settings.noise.acc_m_s2, float(sideways)) / mean,

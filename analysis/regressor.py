@@ -72,13 +72,8 @@ def straight(excitation: pl.DataFrame, settings: Settings) -> tuple[Floats, Floa
     The y and z rows as printed set m·a_y and m·a_z to zero, which ruins the mass with the
     accelerometer's 9.81 m/s² in a_z.
     """
-<<<<<<< HEAD
     direction = values(excitation, "direction_x_1") if settings.forces.coulomb else None
-    A = planar.straight(
-=======
-    direction = values(excitation, "direction_x_1") if settings.coulomb else None
     A = planar_rows.straight(
->>>>>>> 6948d7d89330157e6c96a8b12825fec4f3e49fe1
         values(excitation, "regressor_acc_x_m_s2"), values(excitation, "speed_x_m_s"), direction
     )
     return np.ascontiguousarray(A), values(excitation, "force_x_N")

@@ -2,8 +2,8 @@
 
 import polars as pl
 
+from analysis.methods import METHODS, Summary
 from analysis.run import Run
-from analysis.settings import RECURSIVE
 
 
 def run_estimates(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
@@ -33,7 +33,7 @@ def run_estimates(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
             weight = 1.0 / pl.col("mass_std_kg") ** 2
             mass = (
                 pl.col("mass_kg").last()
-                if method in RECURSIVE
+                if METHODS[method].summary is Summary.LAST
                 else (pl.col("mass_kg") * weight).sum() / weight.sum()
             )
             rows.append(

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.column_noise import column_noise
+from analysis.column_noise import axis_noise
 from analysis.gate import accepted_samples
 from analysis.phases import TURNS
 from analysis.regressor import Axis, X, Z, axes, regressor, trace_columns
@@ -62,7 +62,8 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         pooled_ids = pooled_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = regressor(axis, excitation, settings)
-        traced = pooled.trace(A, f, pooled_ids, pooled.PooledOptions(column_noise(axis, settings)))
+        options = pooled.PooledOptions(axis_noise(axis, settings).columns)
+        traced = pooled.trace(A, f, pooled_ids, options)
         parts.append(
             pl.DataFrame(
                 {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},

@@ -2,16 +2,21 @@
 
 from collections.abc import Mapping
 from difflib import get_close_matches
-from typing import Any, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-Method = Literal["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]
+from analysis.methods import METHODS, MethodOptions
+from estimators.errors import nearest
 
-#: Methods whose last state stands for all before it; the others give an estimate a window.
-RECURSIVE: Final = frozenset({"rls", "rtls"})
-#: Methods that take the regressor for exact, as (6) does; noise in it draws them towards zero.
-EXACT: Final = frozenset({"ls", "rls", "fgls", "huber"})
+
+def _known_method(name: str) -> str:
+    if name not in METHODS:
+        raise ValueError(f"no method '{name}'; {nearest(name, METHODS)}")
+    return name
+
+
+MethodName = Annotated[str, AfterValidator(_known_method)]
 
 _PART: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -104,25 +109,13 @@ class GateSettings(BaseModel):
     condition_max: float = Field(1000.0, gt=1, description="larger condition numbers are refused")
 
 
-class TraceSettings(BaseModel):
+class TraceSettings(MethodOptions):
     """The estimators and their options."""
 
-    model_config = _PART
-
-    methods: tuple[Method, ...] = Field(
+    methods: tuple[MethodName, ...] = Field(
         ("ls", "rls", "fgls", "tls", "pooled"),
         min_length=1,
-        description="estimators to run; also rtls, huber",
-    )
-    forgetting: float = Field(
-        0.998, gt=0.5, le=1, description="λ of the recursive estimators: half forgotten in 3.5 s"
-    )
-    directional_forgetting: bool = Field(
-        False, description="forget only along the direction of each new sample"
-    )
-    fgls_floor: float = Field(0.05, ge=0.05, le=1, description="κ: smallest |residual| over rms")
-    huber_bend: float = Field(
-        1.345, gt=0, description="c: residuals up to c robust deviations weigh fully"
+        description=f"estimators to run, of {', '.join(METHODS)}",
     )
 
 

@@ -23,7 +23,7 @@ from estimators.huber import HuberOptions
 from estimators.huber import reweight as reweight_huber
 from estimators.information import correlation
 from estimators.linear import condition_number, condition_numbers, inverse_spd, pack, unpack
-from estimators.ls import WindowStatistics, least_squares, predicted_std
+from estimators.ls import LsOptions, WindowStatistics, least_squares, predicted_std
 from estimators.normal_equations import columns_of, gram, residual_squares, solve
 from estimators.pooled import PooledOptions, add_sample, without_noise
 from estimators.recursive import feed_products, in_lanes, weights
@@ -114,7 +114,7 @@ def window_statistics(state: WindowState) -> WindowStatistics:
     return WindowStatistics(rho, spread, *predicted_std(state.products, window))
 
 
-def ls(state: WindowState, mean: int) -> Estimate:
+def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some
     """Ordinary least squares of the window that ends now."""
     A, f, end = _as_log(state)
     theta, _ = least_squares(A, f, f.size, end, state.products)
@@ -205,8 +205,8 @@ def _recursive_estimate(
 
 
 def rls(
-    state: WindowState, past: Past | None, newest: int, mean: int, options: RlsOptions
-) -> tuple[Past, Estimate]:
+    state: WindowState, past: Past | RlsState | None, newest: int, mean: int, options: RlsOptions
+) -> tuple[Past | RlsState, Estimate]:
     """Feed the newest samples of an accepted window, or begin with its OLS estimate.
 
     Args:
@@ -214,8 +214,18 @@ def rls(
         past: after the accepted window before, None for the first.
         newest: samples that no accepted window had.
         mean: samples of the moving mean.
-        options: the forgetting.
+        options: the forgetting; directional forgetting has its covariance for a past.
     """
+    if options.directional:
+        assert not isinstance(past, Past)
+        return _directional_rls(state, past, newest, mean, options)
+    assert not isinstance(past, RlsState)
+    return _exponential_rls(state, past, newest, mean, options)
+
+
+def _exponential_rls(
+    state: WindowState, past: Past | None, newest: int, mean: int, options: RlsOptions
+) -> tuple[Past, Estimate]:
     p = len(state.z) - 1
     entries = len(state.products)
     if past is None:
@@ -236,10 +246,9 @@ def rls(
     return past, _recursive_estimate(theta, past, R, rss, mean, condition)
 
 
-def directional_rls(
+def _directional_rls(
     state: WindowState, past: RlsState | None, newest: int, mean: int, options: RlsOptions
 ) -> tuple[RlsState, Estimate]:
-    """The same with directional forgetting, whose past is its covariance."""
     A, f, _ = _as_log(state)
     if past is None:
         past = recursion.start(A, f, options)

@@ -2,9 +2,11 @@
 
 from typing import Final
 
+from analysis.methods import METHODS
+
 #: Okabe and Ito's palette: told apart by the colour-blind, on black and on white.
 _PALETTE: Final = ("#56b4e9", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#8c7ae6", "#b0a030")
-_METHODS: Final = ("ls", "rls", "fgls", "tls", "pooled", "huber", "rtls")
+_METHODS: Final = tuple(METHODS)
 
 _GOOD: Final = "#2e9e5b"
 _QUIET: Final = "#7f8c8d"

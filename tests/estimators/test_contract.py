@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from estimators import fgls, huber, ls, pooled, rls, rtls, tls
+from analysis.methods import METHODS, AxisNoise, Feed, MethodOptions
+from estimators import fgls, ls, rls, rtls, tls
 from estimators.estimate import Trace
 from estimators.linear import condition_number
 
@@ -140,43 +141,39 @@ def windowed(method, options, scaled=None):
     return Estimator(trace, windows_by_fit(method), options, scaled or options)
 
 
+def recursive(method, options, scaled=None):
+    def trace(log, options):
+        return method.trace(log.A, log.f, WINDOW, log.accepted, options)
+
+    return Estimator(trace, STEPS[method], options, scaled or options)
+
+
+def by_segment(method, options, scaled=None):
+    def trace(log, options):
+        return method.trace(log.A, log.f, segments_of(log), options)
+
+    return Estimator(trace, segments_by_lstsq, options, scaled or options)
+
+
+STEPS = {rls: repeated_steps, rtls: repeated_total_steps}
+FORMS = {Feed.WINDOWS: windowed, Feed.SETTLED: recursive, Feed.SEGMENTS: by_segment}
+
+
+def in_the_table(method):
+    """The estimator of a row, with the options that the defaults make of some noise."""
+    once, ten = (
+        method.options(MethodOptions(), AxisNoise(tls.TlsOptions((0.05, 0.05, 1e-3), f_N), None))
+        for f_N in (60.0, 600.0)
+    )
+    return FORMS[method.feed](method.estimator, once, ten)
+
+
 ESTIMATORS = {
-    "ls": windowed(ls, ls.LsOptions()),
-    "fgls": windowed(fgls, fgls.FglsOptions()),
+    **{name: in_the_table(method) for name, method in METHODS.items()},
     "fgls with a large floor": windowed(fgls, fgls.FglsOptions(floor=0.5)),
-    "tls": windowed(
-        tls, tls.TlsOptions((0.05, 0.05, 1e-3), 60.0), tls.TlsOptions((0.05, 0.05, 1e-3), 600.0)
-    ),
-    "rls": Estimator(
-        lambda log, options: rls.trace(log.A, log.f, WINDOW, log.accepted, options),
-        repeated_steps,
-        rls.RlsOptions(),
-        rls.RlsOptions(),
-    ),
-    "rls that forgets quickly": Estimator(
-        lambda log, options: rls.trace(log.A, log.f, WINDOW, log.accepted, options),
-        repeated_steps,
-        rls.RlsOptions(forgetting=0.95),
-        rls.RlsOptions(forgetting=0.95),
-    ),
-    "rls that forgets along the samples alone": Estimator(
-        lambda log, options: rls.trace(log.A, log.f, WINDOW, log.accepted, options),
-        repeated_steps,
-        rls.RlsOptions(forgetting=0.95, directional=True),
-        rls.RlsOptions(forgetting=0.95, directional=True),
-    ),
-    "huber": windowed(huber, huber.HuberOptions()),
-    "rtls": Estimator(
-        lambda log, options: rtls.trace(log.A, log.f, WINDOW, log.accepted, options),
-        repeated_total_steps,
-        rtls.RtlsOptions(tls.TlsOptions((0.05, 0.05, 1e-3), 60.0)),
-        rtls.RtlsOptions(tls.TlsOptions((0.05, 0.05, 1e-3), 600.0)),
-    ),
-    "pooled": Estimator(
-        lambda log, options: pooled.trace(log.A, log.f, segments_of(log), options),
-        segments_by_lstsq,
-        pooled.PooledOptions(),
-        pooled.PooledOptions(),
+    "rls that forgets quickly": recursive(rls, rls.RlsOptions(forgetting=0.95)),
+    "rls that forgets along the samples alone": recursive(
+        rls, rls.RlsOptions(forgetting=0.95, directional=True)
     ),
 }
 
