@@ -22,6 +22,7 @@ def answer(run: Run) -> dict[str, Any]:
     """
     by_method = {row["method"]: row for row in run.frames["masses"].to_dicts()}
     judged = run.frames["verdict"]
+    taken = run.provenance.fingerprint
     window = run.provenance.settings.gate.window_samples
     used = samples_of(run.frames["gate"]["accepted_x"].to_numpy(), window)
     return {
@@ -39,6 +40,7 @@ def answer(run: Run) -> dict[str, Any]:
         },
         "losses": [loss.model_dump() for loss in run.provenance.losses],
         "notes": list(run.provenance.notes),
+        "fingerprint": taken.model_dump(exclude={"frames"}) if taken else None,
     }
 
 

@@ -1,12 +1,13 @@
 """A `Run`: the frames of one replay and the provenance that says where they came from."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, Any
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Self
 
 import polars as pl
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
+from analysis.fingerprint import Fingerprint, fingerprint
 from analysis.settings import Settings
 from estimators.errors import one_line
 
@@ -56,6 +57,8 @@ class Provenance(BaseModel):
     losses: tuple[Loss, ...] = ()
     #: What a reader of the answer should know, a sentence each.
     notes: tuple[str, ...] = ()
+    #: Of the inputs, the settings and the frames, as `run` left them.
+    fingerprint: Fingerprint | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,5 +79,14 @@ class Run:
             )
             and self.provenance == other.provenance
         )
+
+    def fingerprinted(self) -> Self:
+        """The same run with the fingerprint of its frames in its provenance."""
+        about = self.provenance
+        digests = [each.sha256 for each in about.inputs]
+        taken = fingerprint(
+            self.frames, digests, about.machine, about.settings.model_dump(mode="json")
+        )
+        return replace(self, provenance=about.model_copy(update={"fingerprint": taken}))
 
     __hash__ = None  # pyright: ignore[reportAssignmentType] a mutable mapping inside

@@ -177,6 +177,8 @@ def provenance(run: Run) -> str:
             table(("file", "bytes", "SHA-256"), inputs),
             f"First aligned sample: {local_time(about)} "
             f"({about.t0_unix_ns} ns since 1970-01-01 UTC)",
+            "# Fingerprint",
+            _fingerprint(about),
             "# Stamps",
             table(("topic", "placed by"), about.stamps.items()),
             "# Losses",
@@ -189,6 +191,16 @@ def provenance(run: Run) -> str:
             "\n".join(frames),
         ]
     )
+
+
+def _fingerprint(about: Provenance) -> str:
+    """The digests in full, those of the frames as well."""
+    taken = about.fingerprint
+    if taken is None:
+        return "none"
+    whole = {"inputs": taken.inputs, "settings": taken.settings, "results": taken.results}
+    digests = [(name, f"`{digest}`") for name, digest in (whole | taken.frames).items()]
+    return table(("SHA-256 of", "digest"), digests)
 
 
 def _body(about: Provenance) -> dict[str, Any]:

@@ -96,4 +96,5 @@ def replay_campaign(
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
     calibration = calibrate(run_estimates(replayed, true_runs(logs)))
-    return replace(replayed, frames={**replayed.frames, "calibration": calibration})
+    frames = {**replayed.frames, "calibration": calibration}
+    return replace(replayed, frames=frames).fingerprinted()

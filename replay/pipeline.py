@@ -80,4 +80,4 @@ def run(
             losses=[*losses, *doubts, *missing],
             notes=[*notes, *obstacles(excitation, gated, settings)],
         ),
-    )
+    ).fingerprinted()

@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from analysis.answer import answer
+from analysis.fingerprint import Fingerprint
 from analysis.run import Loss
 from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
@@ -87,6 +88,8 @@ def print_answer(answer: dict[str, Any], *, as_json: bool) -> None:
     spins = any(check["about"] == "inertia" for check in checks)
     if spins and not answer["verdict"]["tells_inertia"]:
         screen.print("The spins tell no inertia: it is withheld.")
+    if taken := answer.get("fingerprint"):
+        print_line(screen, f"fingerprint: {Fingerprint(**taken)}")
     if answer["recording"]:
         print_line(screen, f"recording: {answer['recording']}")
 

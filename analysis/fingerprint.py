@@ -1,0 +1,128 @@
+"""The fingerprint of a run: SHA-256 digests of its inputs, its settings and its results.
+
+The same input and settings give the same results bit for bit, on any number of threads: equal
+digests of inputs and settings with another digest of results mean other software or another
+processor. Nothing in a digest depends on paths, file names, the time of the replay, the chunks
+that polars or Arrow keep a column in, or the byte order of the machine.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict
+
+#: Rows that are hashed together: bounds the memory, and is a multiple of the 8 bits of a byte.
+_ROWS: Final = 1 << 20
+#: Hexadecimal digits that a person compares.
+_SHOWN: Final = 12
+
+
+class Fingerprint(BaseModel):
+    """Digests of a run, in hexadecimal digits."""
+
+    model_config = ConfigDict(frozen=True)
+
+    #: Of the contents of the input files, in any order.
+    inputs: str
+    #: Of the machine file as resolved, with every setting.
+    settings: str
+    #: Of all frames, in their order.
+    results: str
+    #: Of each frame by its name, in the order of the run.
+    frames: dict[str, str] = {}
+
+    def __str__(self) -> str:
+        """The three digests, each as short as a person compares them."""
+        parts = {"inputs": self.inputs, "settings": self.settings, "results": self.results}
+        return "  ".join(f"{name} {digest[:_SHOWN]}" for name, digest in parts.items())
+
+
+def fingerprint(
+    frames: Mapping[str, pl.DataFrame],
+    inputs: Iterable[str],
+    machine: Mapping[str, Any],
+    settings: Mapping[str, Any],
+) -> Fingerprint:
+    """Take the fingerprint of a run.
+
+    Args:
+        frames: by name, in the order of the run.
+        inputs: the SHA-256 digest of each input file.
+        machine: the machine file as resolved, as plain JSON values.
+        settings: its settings, likewise.
+    """
+    digests = {name: frame_digest(frame) for name, frame in frames.items()}
+    return Fingerprint(
+        inputs=_json_digest(sorted(inputs)),
+        settings=_json_digest([machine, settings]),
+        results=_json_digest(list(digests.items())),
+        frames=digests,
+    )
+
+
+def frame_digest(frame: pl.DataFrame) -> str:
+    """Digest a frame: its height, and of each column in order the name, dtype, values and nulls.
+
+    Values count bit for bit: 0.0 is not -0.0, and NaNs of other bits are others. What lies in
+    memory below a null does not count.
+    """
+    with ThreadPoolExecutor() as pool:  # hashlib releases the interpreter's lock
+        columns = list(pool.map(_column_digest, frame.get_columns()))
+    return _json_digest([frame.height, columns])
+
+
+def _json_digest(value: Any) -> str:
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _column_digest(series: pl.Series) -> str:
+    values, nulls = hashlib.sha256(), hashlib.sha256()
+    for part in (series[begin : begin + _ROWS] for begin in range(0, series.len(), _ROWS)):
+        if series.null_count():
+            nulls.update(np.packbits(part.is_null().to_numpy()).data)
+        for array in _arrays(part):
+            values.update(_little_endian(array).data)
+    about = [series.name, *_described(series.dtype)]
+    return _json_digest([about, values.hexdigest(), nulls.hexdigest()])
+
+
+def _described(dtype: pl.DataType) -> list[Any]:
+    if isinstance(dtype, pl.Enum):
+        return ["Enum", dtype.categories.to_list()]
+    return [str(dtype)]
+
+
+def _arrays(part: pl.Series) -> Iterator[NDArray[Any]]:
+    """Yield what the bits of a column's values are, zero or empty where it is null."""
+    dtype = part.dtype
+    if isinstance(dtype, pl.Enum):
+        # polars stores a code in as few bytes as the categories need
+        yield part.to_physical().cast(pl.UInt32).fill_null(0).to_numpy()
+    elif dtype.is_integer() or dtype.is_float():
+        yield (part.fill_null(0) if part.null_count() else part).to_numpy()
+    elif dtype == pl.Boolean:
+        yield np.packbits(part.fill_null(value=False).to_numpy())
+    elif dtype.is_temporal():
+        yield from _arrays(part.to_physical())
+    else:
+        texts = part if dtype == pl.String else _texts(part)
+        encoded = "".join(texts.fill_null("").to_list()).encode()
+        yield texts.str.len_bytes().cast(pl.UInt64).fill_null(0).to_numpy()
+        yield np.frombuffer(encoded, np.uint8)
+
+
+def _texts(part: pl.Series) -> pl.Series:
+    """Write the values of a dtype that no recording holds (nested, binary, decimal) as text."""
+    written = [None if value is None else repr(value) for value in part.to_list()]
+    return pl.Series(part.name, written, dtype=pl.String)
+
+
+def _little_endian(array: NDArray[Any]) -> NDArray[Any]:
+    return np.ascontiguousarray(array, array.dtype.newbyteorder("<"))
