@@ -1,109 +1,119 @@
-"""The answer of a run in plain values, and in a sentence why there is none."""
+"""The answer of a run: one object, which every command, recording and picture renders."""
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
 
-import numpy as np
 import polars as pl
 
-from analysis.phases import TURNS
-from analysis.regressor import YAW_COLUMNS
-from analysis.run import Run
-from analysis.settings import Settings
-from analysis.verdict import can_weigh, tells_inertia
+from analysis.check import Verdict
+from analysis.fingerprint import Fingerprint
+from analysis.run import Loss, Run
 from analysis.windows import samples_of
 
+#: Columns of `masses` that say how a row came about rather than what it says.
+_ABOUT: Final = ("method", "rows", "rows_z", "withheld", "withheld_z")
 
-def answer(run: Run) -> dict[str, Any]:
-    """What `payscope run --json` gives, without the recording's path.
 
-    Masses, payloads, frictions and, where the channels allow it, inertias are given by method.
-    `accepted_share` is the share of samples that lie in an accepted window. `planar` has the arc
-    and joint fits.
+@dataclass(frozen=True, slots=True)
+class AnswerRow:
+    """What is said of one load: today the whole log.
+
+    Attributes:
+        quantities: by name and unit (`mass_kg`, `mass_std_kg`, …), then by method; None where it is
+            withheld or nothing was accepted.
+        estimates: by method, how many estimates it summarises.
+        withheld: whether the verdict forbids its mass.
     """
-    by_method = {row["method"]: row for row in run.frames["masses"].to_dicts()}
-    judged = run.frames["verdict"]
-    taken = run.provenance.fingerprint
-    window = run.provenance.settings.gate.window_samples
-    used = samples_of(run.frames["gate"]["accepted_x"].to_numpy(), window)
-    return {
-        **{
-            name: {method: row[name] for method, row in by_method.items()}
-            for name in run.frames["masses"].columns
-            if name not in ("method", "rows", "rows_z", "withheld", "withheld_z")
-        },
-        "planar": run.frames["planar"].to_dicts() if "planar" in run.frames else [],
-        "accepted_share": float(used.mean()) if used.size else 0.0,
-        "verdict": {
-            "can_weigh": can_weigh(judged),
-            "tells_inertia": tells_inertia(judged),
-            "checks": judged.to_dicts(),
-        },
-        "losses": [loss.model_dump() for loss in run.provenance.losses],
-        "notes": list(run.provenance.notes),
-        "fingerprint": taken.model_dump(exclude={"frames"}) if taken else None,
-    }
 
+    quantities: Mapping[str, Mapping[str, float | None]]
+    estimates: Mapping[str, int]
+    withheld: bool
 
-def obstacles(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> list[str]:
-    """What stands between this log and an answer, a sentence each."""
-    found = (
-        why_nothing_was_accepted(excitation, gated, settings),
-        why_spins_are_not_used(excitation, settings),
-    )
-    return [sentence for sentence in found if sentence]
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The methods, in the order of the settings."""
+        return tuple(self.estimates)
 
+    def value(self, quantity: str, method: str) -> float | None:
+        """A number; None where there is none."""
+        return self.quantities.get(quantity, {}).get(method)
 
-def why_spins_are_not_used(excitation: pl.DataFrame, settings: Settings) -> str | None:
-    """A sentence that names the channels that spins lack, where there are spins; else None."""
-    spins = (excitation["phase"] == "spinning").fill_null(False).sum()
-    missing = [name for name in YAW_COLUMNS if name not in excitation.columns]
-    if spins < settings.gate.window_samples or not missing:
-        return None
-    remedies = {
-        "torque_z_N_m": "channels.torque_z_N_m, or both wheel torques and machine.track_width_m",
-        "yaw_acc_rad_s2": 'channels.yaw_acc_rad_s2 (derive = "d/dt yaw_rate_rad_s")',
-    }
-    wanted = " and ".join(remedies.get(name, f"channels.{name}") for name in missing)
-    return f"the log has spins, but no inertia without {wanted}"
+    def has(self, quantity: str) -> bool:
+        """Whether any method has a number for it."""
+        return any(value is not None for value in self.quantities.get(quantity, {}).values())
 
-
-def why_nothing_was_accepted(
-    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
-) -> str | None:
-    """A sentence that names the obstacle when the gate accepted no window, else None."""
-    if gated["accepted_x"].any():
-        return None
-    window_s = settings.gate.window_samples / settings.align.rate_hz
-    rows_s = excitation.height / settings.align.rate_hz
-    mean_s = (settings.smooth.samples - 1) / settings.align.rate_hz
-    if rows_s < window_s:
-        return f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s"
-    if excitation.height < settings.gate.window_samples + settings.smooth.samples - 1:
-        return (
-            f"the log lasts {rows_s:.2f} s, a window needs {window_s:.2f} s and the moving mean "
-            f"before it {mean_s:.2f} s"
+    @classmethod
+    def of(cls, masses: pl.DataFrame) -> "AnswerRow":
+        """Read the frame `masses`."""
+        rows = {row["method"]: row for row in masses.to_dicts()}
+        return cls(
+            {
+                name: {method: row[name] for method, row in rows.items()}
+                for name in masses.columns
+                if name not in _ABOUT
+            },
+            {method: row["rows"] for method, row in rows.items()},
+            withheld=any(row["withheld"] for row in rows.values()),
         )
-    phase = excitation["phase"]
-    whole = phase.is_not_null()
-    stretches = [
-        ("a gap", whole),
-        ("a gap or a turn", whole & ~phase.is_in(TURNS)),
-    ]
-    if settings.gate.exclude_braking:
-        stretches.append(("braking", whole & (phase != "braking")))
-    for what, good in stretches:
-        longest_s = _longest_run(good.fill_null(False)) / settings.align.rate_hz
-        if longest_s < window_s:
-            return (
-                f"the longest stretch without {what} is {longest_s:.2f} s, "
-                f"the window {window_s:.2f} s"
-            )
-    reasons = gated["reason_x"].cast(pl.String)
-    counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
-    return f"no window was accepted, most often for: {counts['reason_x'][0]}"
 
 
-def _longest_run(good: pl.Series) -> int:
-    edges = np.diff(np.concatenate([[0], good.to_numpy().astype(np.int8), [0]]))
-    lengths = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
-    return int(lengths.max()) if lengths.size else 0
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a run says, and what it is worth.
+
+    Attributes:
+        rows: a row a load; one today, none of a run without masses.
+        planar: the arc and joint fits, as the frame has them.
+        accepted_share: share of the samples that lie in an accepted window.
+        verdict: whether the log can weigh, check by check.
+        losses: what was recorded and is missing.
+        notes: what a reader should know, a sentence each.
+        fingerprint: of inputs, settings and results.
+        recording: where it was recorded, None where it was not.
+    """
+
+    rows: tuple[AnswerRow, ...]
+    planar: Sequence[Mapping[str, Any]]
+    accepted_share: float
+    verdict: Verdict
+    losses: tuple[Loss, ...] = ()
+    notes: tuple[str, ...] = ()
+    fingerprint: Fingerprint | None = None
+    recording: str | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values; the quantities of one load stand at the top."""
+        one = self.rows[0].quantities if len(self.rows) == 1 else {}
+        return {
+            **{name: dict(by_method) for name, by_method in one.items()},
+            "planar": [dict(row) for row in self.planar],
+            "accepted_share": self.accepted_share,
+            "verdict": self.verdict.to_dict(),
+            "losses": [loss.model_dump() for loss in self.losses],
+            "notes": list(self.notes),
+            "fingerprint": self.fingerprint.model_dump(exclude={"frames"})
+            if self.fingerprint
+            else None,
+            "recording": self.recording,
+        }
+
+
+def answer(run: Run, recording: str | None = None) -> Answer:
+    """Read the answer off a run's frames; what a run lacks is left out."""
+    frames, about = run.frames, run.provenance
+    masses, judged, gated = (frames.get(name) for name in ("masses", "verdict", "gate"))
+    share = 0.0
+    if gated is not None and gated.height and "accepted_x" in gated.columns:
+        window = about.settings.gate.window_samples
+        share = float(samples_of(gated["accepted_x"].to_numpy(), window).mean())
+    return Answer(
+        rows=() if masses is None else (AnswerRow.of(masses),),
+        planar=frames["planar"].to_dicts() if "planar" in frames else [],
+        accepted_share=share,
+        verdict=Verdict() if judged is None else Verdict.of(judged),
+        losses=about.losses,
+        notes=about.notes,
+        fingerprint=about.fingerprint,
+        recording=recording,
+    )

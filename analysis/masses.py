@@ -6,6 +6,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.check import Verdict
 from analysis.column_noise import axis_noise, systematic
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
@@ -32,9 +33,7 @@ def masses(
     gated: pl.DataFrame,
     estimates: Mapping[str, pl.DataFrame],
     machine: Machine,
-    *,
-    weighs: bool,
-    inertia: bool = False,
+    verdict: Verdict,
 ) -> pl.DataFrame:
     """Summarise the log, a row a method.
 
@@ -46,12 +45,11 @@ def masses(
         gated: which windows are accepted.
         estimates: `estimates` frames by method.
         machine: settings and empty mass.
-        weighs: the verdict on the mass; without it every number of the x axis is withheld.
-        inertia: the verdict on the inertia, likewise for the z axis.
+        verdict: what it forbids is withheld: every number of the x axis, or of the z axis.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in axes(excitation):
-        told = weighs if axis is X else inertia
+        told = verdict.can_weigh if axis is X else verdict.tells_inertia
         rows: dict[str, pl.DataFrame] = {
             method: rows_of(axis, frame) for method, frame in estimates.items()
         }

@@ -12,14 +12,14 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
-from analysis import checks
+from analysis import fit_quality
+from analysis.check import Verdict
 from analysis.masses import pooled_over_log
 from analysis.plane import Plane, plane_noise, plane_of
 from analysis.regressor import X, Z
 from analysis.schema import FRAMES, build
 from analysis.segments import manoeuvres
 from analysis.settings import Settings
-from analysis.verdict import can_weigh, contradicted, tells_inertia
 from estimators import base_parameters
 from estimators.base_parameters import BaseEstimate
 from estimators.estimate import Bools, Ints
@@ -37,14 +37,14 @@ _COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
 
 
 def planar(
-    excitation: pl.DataFrame, gated: pl.DataFrame, judged: pl.DataFrame, settings: Settings
+    excitation: pl.DataFrame, gated: pl.DataFrame, verdict: Verdict, settings: Settings
 ) -> pl.DataFrame:
     """Make `planar`: a row an arc, one for all arcs together, and one for all motion together.
 
     Args:
         excitation: motion, forces and phases.
         gated: which windows are accepted, for what straight motion and spins tell.
-        judged: the verdict; what it forbids is not used and not told.
+        verdict: what it forbids is not used and not told.
         settings: what is refused, limits, noise.
 
     Returns:
@@ -52,8 +52,8 @@ def planar(
         is null, and `combinations` says what it determines instead.
     """
     plane = plane_of(excitation, settings)
-    rows = list(_arcs(plane, excitation, gated, judged, settings))
-    joint = _joint(plane, judged, settings)
+    rows = list(_arcs(plane, excitation, gated, verdict, settings))
+    joint = _joint(plane, verdict, settings)
     rows += [joint] if joint else []
     declared = FRAMES["planar"].columns
     table = pl.DataFrame(rows, schema={c.name: c.dtype for c in declared}, orient="row")
@@ -64,7 +64,7 @@ def _arcs(
     plane: Plane,
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
-    judged: pl.DataFrame,
+    verdict: Verdict,
     settings: Settings,
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
@@ -78,7 +78,7 @@ def _arcs(
     rows = np.flatnonzero(steady)
     firsts, lasts = rows[begins[lasting]], rows[(begins + counts - 1)[lasting]]
     known: dict[str, tuple[float, float]] = {}
-    for axis, told in ((X, can_weigh(judged)), (Z, tells_inertia(judged))):
+    for axis, told in ((X, verdict.can_weigh), (Z, verdict.tells_inertia)):
         if told:
             theta, std = pooled_over_log(axis, excitation, gated, settings)
             names = [name for name, _ in axis.parameters if name in PARAMETERS]
@@ -102,10 +102,10 @@ def _arcs(
             reason = "ill_conditioned"
         elif not row["predicted_std_com_m"] <= settings.planar.threshold_std_com_m:
             reason = "low_information"
-        yield _told(row, reason, withheld=not can_weigh(judged))
+        yield _told(row, reason, withheld=not verdict.can_weigh)
 
 
-def _joint(plane: Plane, judged: pl.DataFrame, settings: Settings) -> dict[str, Any] | None:
+def _joint(plane: Plane, verdict: Verdict, settings: Settings) -> dict[str, Any] | None:
     """One fit over all motion, where there is turning enough and a yaw torque; else None."""
     used = plane.usable & plane.moving
     if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
@@ -114,7 +114,7 @@ def _joint(plane: Plane, judged: pl.DataFrame, settings: Settings) -> dict[str, 
     row = _row("joint", plane, used, estimate, {})
     unexplained = estimate.residual_rms**2 / np.var(plane.f, axis=0, where=used[:, None])
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
-    believed = _believable(plane, estimate, row, settings) and not contradicted(judged)
+    believed = _believable(plane, estimate, row, settings) and not verdict.is_contradicted
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"
     return _told(row, reason, withheld=not believed)
 
@@ -129,8 +129,10 @@ def _believable(
     told = np.isfinite(estimate.theta[:2])
     theta, std = estimate.theta[:2][told], estimate.std[:2][told]
     force = plane.f[:, 0]
-    driving = checks.along_share(plane.motion.speed, force, plane.known & (plane.pace > 0))
-    opposing = 1.0 - checks.along_share(plane.motion.speed, force, plane.known & (plane.pace < 0))
+    driving = fit_quality.along_share(plane.motion.speed, force, plane.known & (plane.pace > 0))
+    opposing = 1.0 - fit_quality.along_share(
+        plane.motion.speed, force, plane.known & (plane.pace < 0)
+    )
     return (
         explained >= limits.r_squared_min
         and bool((theta > 0.0).all() and (std <= limits.relative_std_max * theta).all())

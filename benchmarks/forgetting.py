@@ -13,11 +13,11 @@ import typer
 from page import markdown, put
 from simulated import excitation, joined, scenario
 
-from analysis.calibrate import calibrate, rms_errors
+from analysis.calibration.straight_line import calibrate, rms_errors
+from analysis.calibration.trials import run_estimates
 from analysis.gate import gate
 from analysis.regressor import straight
 from analysis.run import Run
-from analysis.runs import run_estimates
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.trace import trace
 from estimators import rls

@@ -20,6 +20,8 @@ import numpy as np
 import polars as pl
 import typer
 
+from analysis.check import Verdict
+from analysis.diagnosis import verdict
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
@@ -29,7 +31,6 @@ from analysis.segments import segments
 from analysis.simulation import Scenario
 from analysis.smooth import smooth
 from analysis.trace import trace
-from analysis.verdict import verdict
 from recordings import write_recording
 from replay import load_machine, open_log, run
 from replay.simulate import simulate
@@ -79,7 +80,7 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     peak(f"trace, {len(METHODS)} methods")
     table = segments(excitation, gated, settings)
     judged = verdict(excitation, gated, machine)
-    totals = masses(excitation, gated, estimates, machine, weighs=True)
+    totals = masses(excitation, gated, estimates, machine, Verdict())
     peak("segments, verdict, masses")
     frames = {
         "aligned": aligned,

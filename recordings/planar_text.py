@@ -1,6 +1,6 @@
 """The centre of mass in words: what arcs and joint motion told, and what they could not."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analysis.run import Run
@@ -15,7 +15,7 @@ _NAMES = {
 }
 
 
-def planar_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+def planar_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """A line for each fit over more than one arc, or for the arc where there is only one."""
     whole = [row for row in rows if row["kind"] in _OF]
     return [_line(row) for row in whole or rows]
@@ -50,7 +50,7 @@ def planar_rows(run: Run) -> list[dict[str, Any]]:
     return run.frames["planar"].to_dicts() if "planar" in run.frames else []
 
 
-def _line(row: dict[str, Any]) -> str:
+def _line(row: Mapping[str, Any]) -> str:
     of = _OF.get(row["kind"], "one arc")
     if row["withheld"]:
         return f"centre of mass from {of}: withheld"
@@ -63,11 +63,11 @@ def _line(row: dict[str, Any]) -> str:
     return f"centre of mass from {of}: {along}, {across}"
 
 
-def _distance(row: dict[str, Any], axis: str) -> str:
+def _distance(row: Mapping[str, Any], axis: str) -> str:
     return f"{plus_minus(abs(row[f'com_{axis}_m']), row[f'com_{axis}_std_m'])} m"
 
 
-def _determined(row: dict[str, Any]) -> str:
+def _determined(row: Mapping[str, Any]) -> str:
     """Which numbers the motion determines, with those that may be told."""
     told = [
         f"{name} {plus_minus(row[value], row[std])} {unit}"

@@ -8,14 +8,17 @@ from zoneinfo import ZoneInfo
 
 import polars as pl
 
+from analysis.answer import Answer, AnswerRow, answer
+from analysis.check import Verdict
 from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
-from analysis.verdict import tells_inertia
 from recordings.display import span_ns
-from recordings.planar_text import planar, planar_lines, planar_rows
+from recordings.planar_text import planar, planar_lines
 from recordings.wording import number, plus_minus, table
 
 _NS: Final = 10**9
+_MASS: Final = ("mass_kg", "mass_std_kg")
+_INERTIA: Final = ("inertia_z_kg_m2", "inertia_z_std_kg_m2")
 #: Columns of the table of masses: heading, value, standard deviation.
 _MASS_COLUMNS: Final = (
     ("mass (kg)", "mass_kg", "mass_std_kg"),
@@ -30,7 +33,7 @@ _MASS_COLUMNS: Final = (
 def texts(run: Run) -> dict[str, str]:
     """Every text that this run has something to say in, by name."""
     written: dict[str, Callable[[Run], str]] = {
-        "answer": answer,
+        "answer": answer_text,
         "planar": planar,
         "calibration": calibration,
         "settings": settings,
@@ -60,81 +63,62 @@ def local_time(about: Provenance, t_ns: int = 0) -> str:
     return f"{utc.astimezone(zone):%Y-%m-%d %H:%M:%S} {zone.key}"
 
 
-def headline(run: Run) -> str:
+def headline(said: Answer) -> str:
     """The answer in one sentence, without Markdown."""
-    masses = run.frames.get("masses", pl.DataFrame())
-    failed = failed_checks(run)
+    failed = said.verdict.failed("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
-    if masses.is_empty() or masses["mass_kg"].null_count() == masses.height:
-        return "No window of this log was accepted: there is no mass."
-    known = masses.filter(pl.col("mass_kg").is_not_null())
-    pooled = known.filter(pl.col("method") == "pooled")
-    best = (known if pooled.is_empty() else pooled).row(0, named=True)
-    return (
-        f"{plus_minus(best['mass_kg'], best.get('mass_std_kg'))} kg "
-        f"({best['method']}, one standard deviation)"
-    )
+    for row in said.rows:
+        known = [method for method in row.methods if row.value("mass_kg", method) is not None]
+        if known:
+            best = "pooled" if "pooled" in known else known[0]
+            return f"{_of(row, best, *_MASS)} kg ({best}, one standard deviation)"
+    return "No window of this log was accepted: there is no mass."
 
 
 def summary(run: Run) -> str:
     """The answer in plain lines, the headline first."""
-    about = run.provenance
-    lines = [headline(run), f"{recording_name(about)} · {local_time(about)}", ""]
-    for row in run.frames.get("masses", pl.DataFrame()).to_dicts():
-        mass = f"{plus_minus(row['mass_kg'], row.get('mass_std_kg'))} kg"
-        inertia = plus_minus(row.get("inertia_z_kg_m2"), row.get("inertia_z_std_kg_m2"))
-        turns = "" if row.get("inertia_z_kg_m2") is None else f", yaw inertia {inertia} kg·m²"
-        lines.append(f"{row['method']:<8} {'withheld' if row['withheld'] else mass}{turns}")
-    lines += planar_lines(planar_rows(run))
+    about, said = run.provenance, answer(run)
+    lines = [headline(said), f"{recording_name(about)} · {local_time(about)}", ""]
+    for row in said.rows:
+        for method in row.methods:
+            mass = "withheld" if row.withheld else f"{_of(row, method, *_MASS)} kg"
+            inertia = row.value(_INERTIA[0], method)
+            turns = f", yaw inertia {_of(row, method, *_INERTIA)} kg·m²" if inertia else ""
+            lines.append(f"{method:<8} {mass}{turns}")
+    lines += planar_lines(said.planar)
     outcome = {True: "passed", False: "FAILED", None: "n/a"}
-    for check in run.frames.get("verdict", pl.DataFrame()).to_dicts():
-        value = f"{number(check['value'])} ({limits(check)})"
-        lines.append(f"{outcome[check['passed']]:<8} {check['check']} {value}")
+    lines += [
+        f"{outcome[check.passed]:<8} {check.check} {number(check.value)} ({check.limit})"
+        for check in said.verdict.checks
+    ]
     return "\n".join(lines)
 
 
-def failed_checks(run: Run) -> list[dict[str, Any]]:
-    """The rows of the verdict that forbid the mass."""
-    verdict = run.frames.get("verdict")
-    if verdict is None:
-        return []
-    return verdict.filter(~pl.col("passed"), about="mass").to_dicts()
-
-
-def limits(check: dict[str, Any]) -> str:
-    """What a check's number must be."""
-    low, high = check.get("minimum"), check.get("maximum")
-    if low is not None and high is not None:
-        return f"{number(low)} to {number(high)}"
-    if low is not None:
-        return f"≥ {number(low)}"
-    return "–" if high is None else f"≤ {number(high)}"
-
-
-def answer(run: Run) -> str:
+def answer_text(run: Run) -> str:
     """The masses, the verdict with every check, and what a reader should know."""
-    about, span = run.provenance, span_ns(run)
+    about, span, said = run.provenance, span_ns(run), answer(run)
     duration = f", {(span[1] - span[0]) / _NS:,.1f} s" if span else ""
     parts = [
-        f"# {headline(run)}",
+        f"# {headline(said)}",
         f"{machine_name(about) or 'machine without a name'} · {local_time(about)}{duration}",
     ]
-    if failed := failed_checks(run):
+    if failed := said.verdict.failed("mass"):
         parts.append("**The mass is withheld**, because:")
         parts.append(
             "\n".join(
-                f"- **{check['check']}** is {number(check['value'])}, must be {limits(check)}: "
-                f"{check['meaning']}"
+                f"- **{check.check}** is {number(check.value)}, must be {check.limit}: "
+                f"{check.meaning}"
                 for check in failed
             )
         )
-    parts += _masses(run)
-    if lines := planar_lines(planar_rows(run)):
+    for row in said.rows:
+        parts += _masses(row)
+    if lines := planar_lines(said.planar):
         parts.append("\n".join(f"- {line}" for line in lines))
-    parts += _verdict(run) + _accepted(run)
-    parts += [f"- {note}" for note in about.notes]
-    parts += [f"- lost: {each}" for each in about.losses]
+    parts += _verdict(said.verdict) + _accepted(run)
+    parts += [f"- {note}" for note in said.notes]
+    parts += [f"- lost: {each}" for each in said.losses]
     return "\n\n".join(parts)
 
 
@@ -221,45 +205,41 @@ def _losses(about: Provenance) -> list[tuple[str, str, str]]:
     return [(each.source, each.topic, each.what) for each in about.losses]
 
 
-def _masses(run: Run) -> list[str]:
-    masses = run.frames.get("masses")
-    if masses is None or masses.is_empty():
+def _of(row: AnswerRow, method: str, value: str, std: str) -> str:
+    return plus_minus(row.value(value, method), row.value(std, method))
+
+
+def _masses(row: AnswerRow) -> list[str]:
+    if not row.methods:
         return []
-    shown = [
-        each
-        for each in _MASS_COLUMNS
-        if each[1] in masses.columns and masses[each[1]].is_not_null().any()
-    ]
+    shown = [each for each in _MASS_COLUMNS if row.has(each[1])]
     rows = [
         (
-            row["method"],
-            *(plus_minus(row[value], row.get(std)) for _, value, std in shown),
-            row["rows"],
+            method,
+            *(_of(row, method, value, std) for _, value, std in shown),
+            row.estimates[method],
         )
-        for row in masses.to_dicts()
+        for method in row.methods
     ]
     heads = ("method", *(head for head, _, _ in shown), "estimates")
     return ["## Over the whole log (± one standard deviation)", table(heads, rows)]
 
 
-def _verdict(run: Run) -> list[str]:
-    verdict = run.frames.get("verdict")
-    if verdict is None or verdict.is_empty():
+def _verdict(verdict: Verdict) -> list[str]:
+    if not verdict.checks:
         return []
     outcome = {True: "passed", False: "**failed**", None: "does not apply"}
     checks = [
-        f"- {outcome[check['passed']]}: **{check['check']}** {number(check['value'])} "
-        f"({limits(check)}), {check['meaning']}"
-        for check in verdict.to_dicts()
+        f"- {outcome[check.passed]}: **{check.check}** {number(check.value)} "
+        f"({check.limit}), {check.meaning}"
+        for check in verdict.checks
     ]
-    return ["## Can this log weigh?", "\n".join(checks), *_inertia_withheld(verdict)]
-
-
-def _inertia_withheld(verdict: pl.DataFrame) -> list[str]:
-    """A sentence where there are spins that tell no inertia."""
-    if tells_inertia(verdict) or verdict.filter(about="inertia").is_empty():
-        return []
-    return ["**The yaw inertia is withheld**: its spins, or the signs of the force, failed."]
+    parts = ["## Can this log weigh?", "\n".join(checks)]
+    if verdict.judges_spins and not verdict.tells_inertia:
+        parts.append(
+            "**The yaw inertia is withheld**: its spins, or the signs of the force, failed."
+        )
+    return parts
 
 
 def _accepted(run: Run) -> list[str]:

@@ -8,13 +8,13 @@ Names are resolved when first used, so that the command line starts before NumPy
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from replay.machine import load_machine
+    from replay.machine_file import load_machine
     from replay.pipeline import run
     from replay.readers import Log, TimeAxis, open_log
 
 __all__ = ["Log", "TimeAxis", "load_machine", "open_log", "run"]
 
-_HOMES = {"load_machine": "replay.machine", "run": "replay.pipeline"}
+_HOMES = {"load_machine": "replay.machine_file", "run": "replay.pipeline"}
 
 
 def __getattr__(name: str) -> Any:

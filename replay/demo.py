@@ -5,26 +5,28 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import polars as pl
 
 from analysis import Machine, Run
-from analysis.answer import answer
-from analysis.calibrate import calibrate, rms_errors
-from analysis.runs import run_estimates
+from analysis.answer import Answer, answer
+from analysis.calibration.straight_line import calibrate, rms_errors
+from analysis.calibration.trials import run_estimates
 from analysis.simulation import Scenario
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.output import check_output, whole_file
-from replay.machine import load_machine, machine_path, time_axis
-from replay.pipeline import run
+from replay.machine_file import load_machine, machine_path, time_axis
+from replay.pipeline import STAGES, run
 from replay.readers import open_log
 from replay.simulate import simulate
 from replay.truth import true_runs
 from replay.write_log import truth_path
 
 _MACHINE = Path("cat262c.toml")
+#: What `on_stage` is told, in order.
+STEPS: Final = ("simulate", *STAGES, "record")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ class Demo:
 
     calibration: pl.DataFrame
     errors: pl.DataFrame
-    answer: dict[str, Any]
+    answer: Answer
     files: tuple[Path, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -41,7 +43,7 @@ class Demo:
         return {
             "calibration": self.calibration.to_dicts(),
             "errors": self.errors.to_dicts(),
-            "answer": self.answer,
+            "answer": self.answer.to_dict(),
             "files": [str(path) for path in self.files],
         }
 
@@ -77,7 +79,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     return Demo(
         replayed.frames["calibration"],
         rms_errors(replayed.frames["calibration"]),
-        {**answer(replayed), "recording": str(recording)},
+        answer(replayed, str(recording)),
         (*logs, *map(truth_path, logs), machine_file, recording, picture),
     )
 

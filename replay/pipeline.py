@@ -1,23 +1,31 @@
 """The paper's method on one screen: log → align → smooth → forces → gate → trace → Run."""
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from analysis.align import align
-from analysis.answer import obstacles
+from analysis.check import Verdict
 from analysis.derive import derive
+from analysis.diagnosis import verdict
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
 from analysis.masses import masses
+from analysis.obstacles import obstacles
 from analysis.planar import planar
 from analysis.run import Run
 from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
-from analysis.verdict import can_weigh, tells_inertia, verdict
 from replay.inputs import named_by_topic, provenance, read_channels
 from replay.readers.protocol import Log
+
+#: What `on_stage` is told, in order.
+STAGES: Final = (
+    *("read", "derive", "align", "smooth", "forces"),
+    *("gate", "trace", "segments", "verdict", "planar"),
+)
 
 
 def run(
@@ -55,10 +63,10 @@ def run(
     table = segments(excitation, gated, settings)
     on_stage("verdict")  # what the ungated log says of all this
     judged = verdict(excitation, gated, machine)
-    weighs, inertia = can_weigh(judged), tells_inertia(judged)
-    totals = masses(excitation, gated, estimates, machine, weighs=weighs, inertia=inertia)
+    opinion = Verdict.of(judged)
+    totals = masses(excitation, gated, estimates, machine, opinion)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane = planar(excitation, gated, judged, settings)
+    plane = planar(excitation, gated, opinion, settings)
 
     return Run(
         frames={

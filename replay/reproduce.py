@@ -5,7 +5,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibrate import calibrate
+from analysis.calibration.straight_line import calibrate
 from analysis.machine import Channel, Machine
 from analysis.reproduction import claims, excitation_figures, figures, paper, tables
 from analysis.reproduction.campaign import Campaign, errors, judged_anew, run_bound_kg
@@ -18,7 +18,7 @@ from analysis.reproduction.torque_chain import TorqueChain, through
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from analysis.simulation.waveforms import ForceWave, TorqueWave
 from replay.demo import seeded
-from replay.machine import load_machine
+from replay.machine_file import load_machine
 from replay.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 

@@ -4,18 +4,17 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
 
-from analysis.answer import answer
-from analysis.calibrate import run_errors
+from analysis.answer import Answer, answer
+from analysis.calibration.straight_line import run_errors
+from analysis.calibration.trials import run_estimates
 from analysis.machine import LogSection, Machine
 from analysis.run import Run
-from analysis.runs import run_estimates
 from estimators.errors import DataError
-from replay.machine import load_machine, time_axis
+from replay.machine_file import load_machine, time_axis
 from replay.pipeline import run
 from replay.read_once import ReadOnce
 from replay.readers import open_log
@@ -36,7 +35,7 @@ class Row:
     """
 
     over: dict[str, str]
-    answer: dict[str, Any]
+    answer: Answer
     errors: dict[str, dict[str, float | None]]
 
 
@@ -83,11 +82,11 @@ def sweep(
             if reference_kg is not None:
                 errors["error_kg"] = {
                     method: None if mass is None else mass - reference_kg
-                    for method, mass in told["mass_kg"].items()
+                    for row in told.rows
+                    for method, mass in row.quantities["mass_kg"].items()
                 }
             if truth is not None:
-                weighs = told["verdict"]["can_weigh"]
-                errors |= _true_errors(replayed, truth, weighs=weighs)
+                errors |= _true_errors(replayed, truth, weighs=told.verdict.can_weigh)
             values = dict(part.split("=", 1) for part in each)
             rows.append(Row(values, told, errors))
     return rows

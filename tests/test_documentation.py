@@ -12,7 +12,7 @@ from analysis.settings import Settings
 from analysis.simulation import Scenario
 from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
 from analysis.simulation.waveforms import ForceWave, TorqueWave
-from replay.cli import app
+from replay.commands.cli import app
 
 REPO = Path(__file__).resolve().parent.parent
 PAGES = sorted([REPO / "README.md", REPO / "CHANGELOG.md", *(REPO / "docs").rglob("*.md")])

@@ -58,7 +58,8 @@ def test_estimators_know_no_frames_and_analysis_no_files() -> None:
 
 def test_help_loads_none_of_the_heavy_libraries() -> None:
     heavy = ("numpy", "polars", "numba", "scipy", "rerun", "matplotlib", "rosbags", "pyarrow")
-    code = f"import sys, replay.cli\nprint([name for name in {heavy!r} if name in sys.modules])"
+    listed = f"[name for name in {heavy!r} if name in sys.modules]"
+    code = f"import sys, replay.commands.cli\nprint({listed})"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=REPO
     )

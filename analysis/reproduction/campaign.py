@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from analysis.calibrate import calibrate, rms_errors, run_errors
+from analysis.calibration.straight_line import calibrate, rms_errors, run_errors
+from analysis.calibration.trials import run_estimates
 from analysis.gate import gate, samples_of
 from analysis.reproduction.bounds import equation_noise, mass_bounds_kg
 from analysis.run import Run
-from analysis.runs import run_estimates
 from analysis.settings import Settings
 from analysis.simulation import Scenario
 from analysis.trace import trace

@@ -4,7 +4,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibrate import run_errors
+from analysis.calibration.straight_line import run_errors
 from analysis.gate import gate
 from analysis.reproduction.campaign import Campaign, accepting
 from analysis.settings import Settings

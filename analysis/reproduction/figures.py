@@ -4,7 +4,7 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibrate import calibrate, run_errors
+from analysis.calibration.straight_line import calibrate, run_errors
 from analysis.reproduction import paper
 from analysis.reproduction.campaign import Campaign
 from analysis.reproduction.intervals import mean_intervals

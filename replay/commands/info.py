@@ -47,7 +47,7 @@ def command(
         try:
             with (
                 open_log(path, time=axis) as log,
-                Stages(total=1) if check else nullcontext(),
+                Stages(1) if check else nullcontext(),
             ):
                 shown = describe(log, check=check)
         except LogError as error:

@@ -8,14 +8,11 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-#: Opening, the stages of `replay.pipeline.run`, and the writing after it, for the bar's length.
-STAGES = 12
-
 
 class Stages:
     """Told when each stage begins; shows where the work is, and keeps the seconds."""
 
-    def __init__(self, *, timing: bool = False, total: int = STAGES) -> None:
+    def __init__(self, total: int, *, timing: bool = False) -> None:
         self._timing = timing
         self._began: list[tuple[str, float]] = []
         self._bar = Progress(

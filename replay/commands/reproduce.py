@@ -49,7 +49,7 @@ def command(
             raise OutputError(f"reproduce {item}: no such item; {nearest(item, ITEMS)}")
     wanted = [item for item in ITEMS if item in (items or ITEMS)]
     check_reproduction(wanted, output, output_format, force=force)
-    with Stages(total=work(wanted, trials=trials, campaigns=campaigns)) as stages:
+    with Stages(work(wanted, trials=trials, campaigns=campaigns)) as stages:
         found = reproduce(
             wanted, trials=trials, campaigns=campaigns, seed=seed, on_stage=stages.begin
         )

@@ -2,9 +2,17 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: A table on a screen shows its ends; --format csv or -o gives every row.
+_ROWS_SHOWN: Final = 40
+#: Characters of a line of a table.
+_NO_LIMIT: Final = 10_000
 
 
 class Format(StrEnum):
@@ -35,14 +43,95 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Print a stage of a recording; without a stage, list what it holds."""
-    from replay.commands.showing import list_stages, show_stage
-
     if stage is not None:
         wanted = output_format and output_format.value
-        show_stage(recording, stage, start_s, end_s, wanted, output, force=force)
+        _show_stage(recording, stage, (start_s, end_s), wanted, output, force=force)
     elif (start_s, end_s, output) != (None, None, None):
         raise typer.BadParameter("--from, --to and -o are for a stage; name one")
     elif output_format not in (None, Format.table, Format.json):
         raise typer.BadParameter("stages are listed as table or json; name one to print it")
     else:
-        list_stages(recording, as_json=output_format is Format.json)
+        _list_stages(recording, as_json=output_format is Format.json)
+
+
+def _list_stages(recording: Path, *, as_json: bool) -> None:
+    """Print the recording's stages with their columns, and what was lost on the way to them."""
+    from rich.markup import escape
+
+    from recordings import read_provenance, stages
+    from replay.commands.printing import console, plain_table, print_json, print_line, print_table
+
+    held = stages(recording)
+    if as_json:
+        print_json(held)
+        return
+    table = plain_table("stage")
+    table.add_column("columns", overflow="fold")
+    for name, columns in held.items():
+        # effort[left] is no markup
+        table.add_row(escape(name), escape(" ".join(columns)))
+    screen = console()
+    print_table(screen, table)
+    provenance = read_provenance(recording)
+    for loss in provenance.losses:
+        print_line(screen, f"lost: {loss}")
+    for note in provenance.notes:
+        print_line(screen, f"note: {note}")
+
+
+def _show_stage(
+    recording: Path,
+    name: str,
+    seconds: tuple[float | None, float | None],
+    output_format: str | None,
+    output: Path | None,
+    *,
+    force: bool,
+) -> None:
+    """Print the rows of one stage from one second to another, or write them to `output`."""
+    from recordings.output import check_output, keep_apart
+    from replay.commands.frame_output import format_of, print_frame
+    from replay.show import Stage
+
+    output_format = format_of(output_format, output)
+    if output is not None:
+        keep_apart(output, [recording])
+        check_output(output, force=force)
+    stage = Stage.read(recording, name).between(*seconds)
+    if output is None and output_format == "table":
+        rows = stage.readable()
+        typer.echo(_table(rows, _ROWS_SHOWN), nl=False)
+        if rows.height > _ROWS_SHOWN:
+            typer.echo(
+                f"{rows.height} rows, {_ROWS_SHOWN} shown; --from and --to choose, "
+                "--format csv gives all",
+                err=True,
+            )
+        return
+    print_frame(
+        stage.rows,
+        output_format,
+        output,
+        force=force,
+        table=lambda: _table(stage.readable(), stage.rows.height),
+    )
+
+
+def _table(frame: "pl.DataFrame", rows: int) -> str:
+    """A frame as text, with lines as long as they must be: broken cells cannot be read."""
+    import io
+
+    import polars as pl
+
+    text = io.StringIO()
+    with pl.Config(
+        tbl_rows=rows,
+        tbl_cols=-1,
+        tbl_width_chars=_NO_LIMIT,
+        fmt_str_lengths=80,
+        tbl_hide_column_data_types=True,
+        tbl_formatting="NOTHING",
+        tbl_hide_dataframe_shape=True,
+    ):
+        print(frame, file=text)
+    return text.getvalue()

@@ -8,7 +8,9 @@ import numpy as np
 import polars as pl
 
 from analysis.align import align
+from analysis.check import Verdict
 from analysis.derive import derive
+from analysis.diagnosis import verdict
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
@@ -18,7 +20,6 @@ from analysis.planar import planar
 from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.trace import trace
-from analysis.verdict import can_weigh, tells_inertia, verdict
 from estimators import planar_rows as model
 from tests.analysis.settings_by_name import staged
 
@@ -163,7 +164,7 @@ def replayed(said, loader=None):
     gated = gate(excitation, settings)
     estimates = trace(excitation, gated, settings)
     judged = verdict(excitation, gated, loader)
-    told = {"weighs": can_weigh(judged), "inertia": tells_inertia(judged)}
+    opinion = Verdict.of(judged)
     return {
         "aligned": aligned,
         "excitation": excitation,
@@ -171,6 +172,6 @@ def replayed(said, loader=None):
         **{f"estimates/{method}": each for method, each in estimates.items()},
         "segments": segments(excitation, gated, settings),
         "verdict": judged,
-        "masses": masses(excitation, gated, estimates, loader, **told),
-        "planar": planar(excitation, gated, judged, settings),
+        "masses": masses(excitation, gated, estimates, loader, opinion),
+        "planar": planar(excitation, gated, opinion, settings),
     }

@@ -5,19 +5,21 @@ import json
 import numpy as np
 import pytest
 
-from analysis.answer import answer, why_nothing_was_accepted
+from analysis.answer import answer
+from analysis.diagnosis import verdict
 from analysis.gate import gate, samples_of
 from analysis.masses import masses
+from analysis.obstacles import why_nothing_was_accepted
 from analysis.run import Loss, Provenance, Run
 from analysis.trace import trace
-from analysis.verdict import verdict
+from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
 
 @pytest.fixture(scope="module")
 def replayed(drive, excitation_of, machine):
-    def replay(*, weighs):
+    def replay(opinion):
         made = machine()
         excitation = excitation_of(drive(), made)
         gated = gate(excitation, made.settings)
@@ -25,7 +27,7 @@ def replayed(drive, excitation_of, machine):
         return Run(
             {
                 "gate": gated,
-                "masses": masses(excitation, gated, estimates, made, weighs=weighs),
+                "masses": masses(excitation, gated, estimates, made, opinion),
                 "verdict": verdict(excitation, gated, made),
             },
             Provenance(
@@ -39,7 +41,7 @@ def replayed(drive, excitation_of, machine):
 
 
 def test_the_answer_is_plain_json_by_method(replayed):
-    given = answer(replayed(weighs=True))
+    given = answer(replayed(WEIGHS)).to_dict()
     assert json.loads(json.dumps(given, allow_nan=False)) == given
     methods = {"ls", "rls", "fgls", "tls", "pooled"}
     for name in ("mass_kg", "mass_std_kg", "payload_kg", "friction_x_N_s_m"):
@@ -61,14 +63,14 @@ def test_the_answer_is_plain_json_by_method(replayed):
 
 
 def test_the_accepted_share_counts_samples_not_windows(replayed):
-    run = replayed(weighs=True)
+    run = replayed(WEIGHS)
     inside = samples_of(run.frames["gate"]["accepted_x"].to_numpy(), 320)
-    assert answer(run)["accepted_share"] == pytest.approx(inside.mean())
-    assert answer(run)["accepted_share"] > run.frames["gate"]["accepted_x"].mean()
+    assert answer(run).accepted_share == pytest.approx(inside.mean())
+    assert answer(run).accepted_share > run.frames["gate"]["accepted_x"].mean()
 
 
 def test_a_withheld_mass_is_null_in_the_answer(replayed):
-    given = answer(replayed(weighs=False))
+    given = answer(replayed(CANNOT_WEIGH)).to_dict()
     assert set(given["mass_kg"].values()) == {None}
     assert json.dumps(given, allow_nan=False)
 

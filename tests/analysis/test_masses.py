@@ -9,6 +9,7 @@ from analysis.masses import masses
 from analysis.regressor import straight
 from analysis.trace import trace
 from estimators import pooled
+from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
@@ -25,7 +26,7 @@ NUMBERS = ("mass_kg", "mass_std_kg", "friction_x_N_s_m", "friction_x_std_N_s_m",
 
 
 def test_a_row_a_method_with_a_believable_mass(log, machine):
-    table = masses(*log, machine(), weighs=True)
+    table = masses(*log, machine(), WEIGHS)
     assert table["method"].to_list() == ["ls", "rls", "fgls", "tls", "pooled"]
     assert not table["withheld"].any()
     for row in table.iter_rows(named=True):
@@ -35,7 +36,7 @@ def test_a_row_a_method_with_a_believable_mass(log, machine):
 
 
 def test_a_withheld_mass_is_null_in_every_number(log, machine):
-    table = masses(*log, machine(), weighs=False)
+    table = masses(*log, machine(), CANNOT_WEIGH)
     assert table["withheld"].all()
     for name in NUMBERS:
         assert table[name].null_count() == 5, name
@@ -48,18 +49,14 @@ def test_pooled_is_one_fit_over_every_accepted_sample_of_the_whole_log(log, mach
     A, f = straight(excitation, settings)
     used = accepted_samples(excitation, gated, settings)
     whole = pooled.trace(A, f, np.where(used, 0, -1))
-    row = masses(*log, machine(), weighs=True).row(
-        by_predicate=pl.col("method") == "pooled", named=True
-    )
+    row = masses(*log, machine(), WEIGHS).row(by_predicate=pl.col("method") == "pooled", named=True)
     assert row["mass_kg"] == pytest.approx(whole.theta[0, 0])
     assert row["mass_std_kg"] == pytest.approx(whole.std[0, 0])
     assert row["rows"] == estimates["pooled"].height == 3
 
 
 def test_rls_is_its_last_state(log, machine):
-    row = masses(*log, machine(), weighs=True).row(
-        by_predicate=pl.col("method") == "rls", named=True
-    )
+    row = masses(*log, machine(), WEIGHS).row(by_predicate=pl.col("method") == "rls", named=True)
     last = log[2]["rls"].row(-1, named=True)
     assert (row["mass_kg"], row["mass_std_kg"]) == (last["mass_kg"], last["mass_std_kg"])
 
@@ -68,14 +65,14 @@ def test_windowed_methods_are_the_mean_weighted_by_what_each_window_knows(log, m
     frame = log[2]["ls"]
     weight = frame["mass_std_kg"] ** -2.0
     expected = (frame["mass_kg"] * weight).sum() / weight.sum()
-    row = masses(*log, machine(), weighs=True).row(0, named=True)
+    row = masses(*log, machine(), WEIGHS).row(0, named=True)
     assert row["mass_kg"] == pytest.approx(expected)
     # windows overlap: the mean of hundreds is no twentieth of one
     assert row["mass_std_kg"] > frame["mass_std_kg"].min() / 10
 
 
 def test_without_an_empty_mass_there_is_no_payload(log, machine):
-    table = masses(*log, machine(body={"empty_mass_kg": None}), weighs=True)
+    table = masses(*log, machine(body={"empty_mass_kg": None}), WEIGHS)
     assert table["payload_kg"].null_count() == 5
     assert table["mass_kg"].null_count() == 0
 
@@ -84,6 +81,6 @@ def test_a_method_without_rows_has_no_mass(log, machine):
     excitation, gated, estimates = log
     nothing = gated.with_columns(accepted_x=pl.lit(value=False))
     empty = {method: frame.clear() for method, frame in estimates.items()}
-    table = masses(excitation, nothing, empty, machine(), weighs=True)
+    table = masses(excitation, nothing, empty, machine(), WEIGHS)
     assert table["mass_kg"].null_count() == 5
     assert table["rows"].to_list() == [0] * 5

@@ -4,8 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.answer import obstacles
 from analysis.machine import ImuMounting
+from analysis.obstacles import obstacles
 from analysis.windows import samples_of
 from tests.analysis.plane_drives import (
     LOADER,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from replay.cli import main
+from replay.commands.cli import main
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 
 

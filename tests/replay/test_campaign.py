@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.answer import answer
-from analysis.calibrate import rms_errors
+from analysis.calibration.straight_line import rms_errors
 from analysis.run import Run
 from analysis.simulation import Scenario
 from replay import load_machine
@@ -26,7 +26,7 @@ def campaign(logs: list[Path]) -> Run:
 
 
 def test_the_simulated_loader_can_weigh(campaign: Run) -> None:
-    checks = answer(campaign)["verdict"]
+    checks = answer(campaign).verdict.to_dict()
     assert checks["can_weigh"], checks
 
 

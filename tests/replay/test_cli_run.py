@@ -10,9 +10,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from analysis.answer import Answer, AnswerRow
+from analysis.check import Verdict
 from recordings import read_recording
-from replay.commands.progress import STAGES
-from replay.commands.replaying import print_answer
+from replay.commands.run import print_answer
+from replay.replay_logs import STEPS
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
 from tests.replay.sledge import Payscope, one_line, sledge
 
@@ -75,9 +77,8 @@ class TestRun:
             "friction_x_N_s_m": {"pooled": None},
             "friction_x_std_N_s_m": {"pooled": None},
         }
-        said = {"losses": [], "notes": [], "planar": [], "accepted_share": 0.1, "recording": None}
-        judged = {"can_weigh": True, "tells_inertia": False, "checks": []}
-        print_answer({**numbers, **said, "verdict": judged}, as_json=False)
+        row = AnswerRow(numbers, {"pooled": 1}, withheld=False)
+        print_answer(Answer((row,), [], 0.1, Verdict()))
         assert "120.00  " in capsys.readouterr().out
 
     def test_timing_splits_the_seconds_by_stage(
@@ -107,7 +108,7 @@ class TestRun:
     ) -> None:
         output = tmp_path / "out.rrd"
         said = payscope("run", log, "-m", machine_file, "-o", output, "--timing")
-        assert len(re.findall(r"^\w+ +[0-9.]+ s$", said.err, re.M)) == STAGES
+        assert len(re.findall(r"^\w+ +[0-9.]+ s$", said.err, re.M)) == len(STEPS)
 
     def test_a_failed_verdict_withholds_the_mass_lists_the_checks_and_exits_1(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
@@ -212,4 +213,4 @@ methods = ["pooled"]
         assert said.status == 0
         assert "yaw inertia" not in said.out
         assert "every check of the mass passed" in said.out
-        assert "The spins tell no inertia: it is withheld." in said.out
+        assert "No inertia estimate: the checks of the spins, or of the force's sign, failed." in said.out

@@ -217,8 +217,8 @@ class TestOutputs:
         for path in (tmp_path, *tmp_path.parents[:-2]):
             path.chmod(path.stat().st_mode | 0o055)
         code = (
-            "import os, sys; from replay.cli import main; import recordings, replay.pipeline, "
-            "replay.commands.replaying, analysis.units; os.setuid(65534); main()"
+            "import os, sys; from replay.commands.cli import main; import recordings, "
+            "replay.replay_logs, replay.commands.printing, analysis.units; os.setuid(65534); main()"
         )
         words = ["run", log, "-m", machine_file, "-o", locked / "out.rrd"]
         left = subprocess.run(

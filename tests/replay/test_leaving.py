@@ -55,7 +55,7 @@ def limited(size: int, *words: object) -> "subprocess.CompletedProcess[str]":
     """The command where a file may have `size` bytes, so that writing fails as on a full disk."""
     limit = (
         f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size})); "
-        "from replay.cli import main; main()"
+        "from replay.commands.cli import main; main()"
     )
     return subprocess.run(
         [sys.executable, "-c", limit, *words],

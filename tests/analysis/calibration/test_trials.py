@@ -3,8 +3,8 @@
 import polars as pl
 import pytest
 
+from analysis.calibration.trials import run_estimates
 from analysis.run import Provenance, Run
-from analysis.runs import run_estimates
 
 T0 = 1_700_000_000_000_000_000
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.calibrate import calibrate, rms_errors, run_errors
+from analysis.calibration.straight_line import calibrate, rms_errors, run_errors
 
 
 def runs(method, masses_by_load, empty_kg=3614.0):

@@ -4,10 +4,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from analysis.check import Verdict
+from analysis.diagnosis import verdict
 from analysis.gate import gate
 from analysis.phases import speed_rate
 from analysis.schema import build
-from analysis.verdict import can_weigh, verdict
 
 TRIP = ("standstill", "start", "brake", "standstill")
 
@@ -36,7 +37,7 @@ def failed(table):
 
 def test_a_good_log_passes_every_check_with_its_number(good, judge):
     table = judge(good)
-    assert can_weigh(table)
+    assert Verdict.of(table).can_weigh
     assert table["passed"].all()
     assert table["value"].null_count() == 0
     assert check(table, "partial_correlation")["value"] > 0.9
@@ -51,7 +52,7 @@ def test_a_good_log_passes_every_check_with_its_number(good, judge):
 
 def test_a_force_that_has_lost_its_sign_is_found(good, judge):
     table = judge(good.but(force_x_N=np.abs))
-    assert not can_weigh(table)
+    assert not Verdict.of(table).can_weigh
     assert failed(table) == {"opposing_share"}
     # the noise about zero aside
     assert check(table, "opposing_share")["value"] < 0.05
@@ -59,7 +60,7 @@ def test_a_force_that_has_lost_its_sign_is_found(good, judge):
 
 def test_an_accelerometer_that_sees_a_tenth_of_the_motion_is_found(good, judge):
     table = judge(good.but(specific_force_x_m_s2=lambda x: 0.1 * x))
-    assert not can_weigh(table)
+    assert not Verdict.of(table).can_weigh
     assert check(table, "acceleration_gain")["value"] == pytest.approx(0.1, abs=0.02)
     assert {"acceleration_gain", "empty_mass_ratio"} <= failed(table)
 
@@ -67,13 +68,13 @@ def test_an_accelerometer_that_sees_a_tenth_of_the_motion_is_found(good, judge):
 def test_a_force_that_has_nothing_to_do_with_the_motion_is_found(good, judge):
     noise = np.random.default_rng(3).normal(0, 3000, good.force_x_N.size)
     table = judge(good.but(force_x_N=noise))
-    assert not can_weigh(table)
+    assert not Verdict.of(table).can_weigh
     assert {"partial_correlation", "relative_std", "r_squared"} <= failed(table)
 
 
 def test_a_log_without_motion_cannot_weigh(drive, judge):
     table = judge(drive(("standstill",), (20.0,)))
-    assert not can_weigh(table)
+    assert not Verdict.of(table).can_weigh
     assert {"partial_correlation", "relative_std", "r_squared", "accepted_stretches"} <= failed(
         table
     )
@@ -93,7 +94,7 @@ def test_checks_that_do_not_apply_are_null_and_do_not_fail(drive, judge, machine
     table = judge(never_brakes, machine(body={"empty_mass_kg": None}))
     assert check(table, "opposing_share")["passed"] is None
     assert check(table, "empty_mass_ratio")["passed"] is None
-    assert can_weigh(table)
+    assert Verdict.of(table).can_weigh
 
 
 def test_the_limits_are_settings(good, judge, machine):
@@ -108,7 +109,7 @@ def test_the_gate_does_not_shield_a_bad_log_from_the_verdict(good, judge):
     """Windows that look fine are there, and the log still fails."""
     table = judge(good.but(force_x_N=np.abs))
     assert check(table, "accepted_stretches")["value"] >= 1
-    assert not can_weigh(table)
+    assert not Verdict.of(table).can_weigh
 
 
 def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):

@@ -1,0 +1,95 @@
+"""A check of a log against a limit, and the verdict that its checks come to."""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Literal, Self
+
+import polars as pl
+
+#: Checks of the mass that find a force without its sign, which spoils the yaw torque as well.
+_SIGNS: Final = frozenset({"opposing_share", "driving_share"})
+#: The check that counts windows, which joint motion has no use for.
+_COUNT: Final = "accepted_stretches"
+
+About = Literal["mass", "inertia"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One number of a log against its limits.
+
+    Attributes:
+        check: its name.
+        about: what it may withhold.
+        value: the number; None where the log has nothing to tell it from.
+        minimum: smallest number that passes, None where there is none.
+        maximum: largest number that passes, likewise.
+        passed: None where the check does not apply to this log.
+        meaning: what the number says, in a sentence.
+    """
+
+    check: str
+    about: About
+    value: float | None
+    minimum: float | None
+    maximum: float | None
+    passed: bool | None
+    meaning: str
+
+    @property
+    def limit(self) -> str:
+        """What the number must be, as everyone writes it: `≥ 0.5`, `≤ 0.25`, `0.5 … 2`."""
+        bounds = [f"{bound:g}" for bound in (self.minimum, self.maximum) if bound is not None]
+        mark = "" if len(bounds) == 2 else "≤ " if self.minimum is None else "≥ "
+        return mark + " … ".join(bounds) if bounds else "–"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values: a row of the frame `verdict`."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the checks of a log say together."""
+
+    checks: tuple[Check, ...] = ()
+
+    @classmethod
+    def of(cls, judged: pl.DataFrame) -> Self:
+        """Read the frame `verdict`."""
+        return cls(tuple(Check(**row) for row in judged.iter_rows(named=True)))
+
+    @property
+    def can_weigh(self) -> bool:
+        """Whether no check of the mass failed."""
+        return not self.failed("mass")
+
+    @property
+    def judges_spins(self) -> bool:
+        """Whether there are spins to judge."""
+        return any(check.about == "inertia" for check in self.checks)
+
+    @property
+    def tells_inertia(self) -> bool:
+        """Whether there are spins, none of their checks failed, and the force has its sign."""
+        signless = any(check.check in _SIGNS for check in self.failed("mass"))
+        return self.judges_spins and not signless and not self.failed("inertia")
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether samples speak against the log: a check failed by its number, not for want."""
+        return any(
+            check.passed is False and check.value is not None and check.check != _COUNT
+            for check in self.checks
+        )
+
+    def failed(self, about: About) -> tuple[Check, ...]:
+        """The checks that withhold the mass, or the inertia."""
+        return tuple(c for c in self.checks if c.about == about and c.passed is False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values."""
+        return {
+            "can_weigh": self.can_weigh,
+            "tells_inertia": self.tells_inertia,
+            "checks": [check.to_dict() for check in self.checks],
+        }

@@ -1,0 +1,229 @@
+"""The one table of checks: whether a log can weigh at all, judged on its ungated moving samples.
+
+A gate cannot protect from a log that holds no answer: of enough windows some look fine. So the
+checks look at everything that moved, each with its number and its limit. Straight motion decides
+about the mass, spins decide about the inertia.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis import fit_quality
+from analysis.check import About
+from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.gate import accepted_samples
+from analysis.machine import Machine
+from analysis.phases import beside_speed_rate
+from analysis.schema import build, values
+
+
+def _always(_: Evidence, __: Motion) -> bool:
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class CheckRow:
+    """One check.
+
+    Attributes:
+        name: in the verdict.
+        about: what it may withhold, and so which motion it looks at.
+        number: computes its number; NaN where there is nothing to tell it from.
+        minimum: the setting of `[settings.verdict]` that it must reach, if any.
+        maximum: the one that it must not exceed.
+        applies: whether this log has what it looks at.
+        meaning: what the number says, in a sentence.
+    """
+
+    name: str
+    about: About
+    number: Callable[[Evidence, Motion], float]
+    meaning: str
+    minimum: str | None = None
+    maximum: str | None = None
+    applies: Callable[[Evidence, Motion], bool] = _always
+
+
+def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> pl.DataFrame:
+    """Judge the log, a row a check; `passed` is null where a check does not apply.
+
+    Args:
+        excitation: regressors and phases.
+        gated: which windows were accepted, for the count of stretches alone.
+        machine: empty mass, limits.
+    """
+    evidence = Evidence(excitation, gated, machine)
+    motions = {"mass": evidence.straight, "inertia": evidence.spins}
+    judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
+    limits = machine.settings.verdict.model_dump()
+
+    def numbers(each: list[float | None]) -> pl.Series:
+        return pl.Series(each, dtype=pl.Float64)
+
+    frame = pl.DataFrame(
+        {
+            "check": [row.name for row, _ in judged],
+            "about": [row.about for row, _ in judged],
+            "value": numbers([row.number(evidence, motion) for row, motion in judged]).fill_nan(
+                None
+            ),
+            "minimum": numbers([limits[row.minimum] if row.minimum else None for row, _ in judged]),
+            "maximum": numbers([limits[row.maximum] if row.maximum else None for row, _ in judged]),
+            "meaning": [row.meaning for row, _ in judged],
+        }
+    )
+    inside = (pl.col("value") >= pl.col("minimum").fill_null(-np.inf)) & (
+        pl.col("value") <= pl.col("maximum").fill_null(np.inf)
+    )
+    applies = pl.Series([row.applies(evidence, motion) for row, motion in judged], dtype=pl.Boolean)
+    passed = pl.when(applies).then(inside.fill_null(False))
+    return build("verdict", frame.with_columns(passed=passed).to_dict())
+
+
+def _partial_correlation(_: Evidence, motion: Motion) -> float:
+    return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
+
+
+def _relative_std(_: Evidence, motion: Motion) -> float:
+    fit = motion.fit
+    return fit.std / abs(fit.value) if fit.value else np.inf
+
+
+def _r_squared(_: Evidence, motion: Motion) -> float:
+    return motion.fit.r_squared
+
+
+def _opposing_share(_: Evidence, motion: Motion) -> float:
+    return 1.0 - fit_quality.along_share(motion.speed, motion.f, motion.braking)
+
+
+def _driving_share(_: Evidence, motion: Motion) -> float:
+    return fit_quality.along_share(motion.speed, motion.f, motion.speeding)
+
+
+def _acceleration_gain(evidence: Evidence, motion: Motion) -> float:
+    """Slope of the accelerometer on the wheels' acceleration over all straight motion."""
+    used = motion.known & evidence.is_phase("accelerating", "cruising", "braking")
+    measured = values(evidence.excitation, "specific_force_x_m_s2")
+    imu = beside_speed_rate(measured, evidence.machine.settings)
+    return fit_quality.slope(values(evidence.excitation, "speed_rate_x_m_s2"), imu, used)
+
+
+def _accepted_stretches(evidence: Evidence, _: Motion) -> float:
+    accepted = accepted_samples(evidence.excitation, evidence.gated, evidence.machine.settings)
+    return float((np.diff(np.append(False, accepted).astype(int)) > 0).sum())
+
+
+def _empty_mass_ratio(evidence: Evidence, motion: Motion) -> float:
+    empty_kg = evidence.machine.machine.empty_mass_kg
+    return motion.fit.value / empty_kg if empty_kg else np.nan
+
+
+def _spin_centre(evidence: Evidence, motion: Motion) -> float:
+    x, y = (values(evidence.excitation, f"specific_force_{axis}_m_s2") for axis in "xy")
+    return fit_quality.centre_offset(x, y, motion.speed, motion.A[:, 0], motion.known)
+
+
+@dataclass(frozen=True, slots=True)
+class _Words:
+    """What an axis calls its quantities."""
+
+    prefix: str
+    acceleration: str
+    speed: str
+    parameter: str
+    force: str
+    moves: str
+
+
+def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
+    """The checks that every axis must pass: they ask whether its model fits what moved."""
+    force, moves = words.force, words.moves
+    return (
+        CheckRow(
+            f"{words.prefix}partial_correlation",
+            about,
+            _partial_correlation,
+            f"correlation of {words.acceleration} and {force} with the {words.speed}'s share taken "
+            "out of both",
+            minimum="partial_correlation_min",
+        ),
+        CheckRow(
+            f"{words.prefix}relative_std",
+            about,
+            _relative_std,
+            f"standard deviation of the ungated {words.parameter} over that {words.parameter}",
+            maximum="relative_std_max",
+        ),
+        CheckRow(
+            f"{words.prefix}r_squared",
+            about,
+            _r_squared,
+            f"share of the {force}'s variance that {words.parameter} and friction explain",
+            minimum="r_squared_min",
+        ),
+        CheckRow(
+            f"{words.prefix}opposing_share",
+            about,
+            _opposing_share,
+            f"share of the decelerating samples whose {force} opposes the {moves}: 0 means that "
+            f"the {force} has lost its sign",
+            minimum="opposing_share_min",
+            applies=lambda _, motion: bool(motion.braking.any()),
+        ),
+        CheckRow(
+            f"{words.prefix}driving_share",
+            about,
+            _driving_share,
+            f"share of the accelerating samples whose {force} acts along the {moves}: one half "
+            f"means that the {force} has lost its sign",
+            minimum="driving_share_min",
+            applies=lambda _, motion: bool(motion.speeding.any()),
+        ),
+    )
+
+
+CHECKS: Final = (
+    *_of_model("mass", _Words("", "acceleration", "speed", "mass", "force", "motion")),
+    CheckRow(
+        "acceleration_gain",
+        "mass",
+        _acceleration_gain,
+        "accelerometer against the change of wheel speed: 1 when they agree",
+        minimum="acceleration_gain_min",
+        maximum="acceleration_gain_max",
+        applies=lambda evidence, _: evidence.has("specific_force_x_m_s2"),
+    ),
+    CheckRow(
+        "accepted_stretches",
+        "mass",
+        _accepted_stretches,
+        "disjoint stretches that the gate accepted",
+        minimum="accepted_stretches_min",
+    ),
+    CheckRow(
+        "empty_mass_ratio",
+        "mass",
+        _empty_mass_ratio,
+        "ungated mass over the machine's empty mass",
+        minimum="empty_mass_ratio_min",
+        maximum="empty_mass_ratio_max",
+        applies=lambda evidence, _: evidence.machine.machine.empty_mass_kg is not None,
+    ),
+    *_of_model(
+        "inertia", _Words("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin")
+    ),
+    CheckRow(
+        "spin_centre",
+        "inertia",
+        _spin_centre,
+        "metres from the origin to the point that the accelerometer says spins turn about; off it, "
+        "mass is told as inertia",
+        maximum="spin_centre_max_m",
+        applies=lambda evidence, _: evidence.has("specific_force_x_m_s2", "specific_force_y_m_s2"),
+    ),
+)

@@ -1,0 +1,105 @@
+"""What the checks look at: the ungated samples of straight motion and of spins."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis import fit_quality
+from analysis.machine import Machine
+from analysis.phases import yaw_pace
+from analysis.regressor import Z, axes, spin, straight
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+class UngatedFit(NamedTuple):
+    """One fit over every moving sample: its first parameter ± std, and R²."""
+
+    value: float
+    std: float
+    r_squared: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The samples of one axis: A (n, p), f (n,), and (n,) flags.
+
+    Attributes:
+        A: the regressor.
+        f: force or yaw torque.
+        known: nothing is missing.
+        moving: fitted: it moves, and does not brake unless braking counts as driving.
+        braking: it slows down.
+        speeding: it speeds up.
+    """
+
+    A: Floats
+    f: Floats
+    known: Bools
+    moving: Bools
+    braking: Bools
+    speeding: Bools
+
+    @cached_property
+    def fit(self) -> UngatedFit:
+        """The fit of the axis' model to all that moves."""
+        return UngatedFit(*fit_quality.ungated_fit(self.A, self.f, self.moving))
+
+    @property
+    def speed(self) -> Floats:
+        """(n,) in m/s, or rad/s of a spin."""
+        return self.A[:, 1]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A log as the checks see it."""
+
+    excitation: pl.DataFrame
+    gated: pl.DataFrame
+    machine: Machine
+
+    def has(self, *columns: str) -> bool:
+        """Whether the log has all of these columns."""
+        return set(columns) <= set(self.excitation.columns)
+
+    def is_phase(self, *names: str) -> Bools:
+        """Which samples are in one of these phases, (n,)."""
+        return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
+
+    @cached_property
+    def straight(self) -> Motion:
+        """Straight motion."""
+        settings = self.machine.settings
+        A, f = straight(self.excitation, settings)
+        known = np.isfinite(A).all(axis=1) & np.isfinite(f)
+        welcome = () if settings.gate.exclude_braking else ("braking",)
+        return Motion(
+            A,
+            f,
+            known,
+            moving=known & self.is_phase("accelerating", "cruising", *welcome),
+            braking=known & self.is_phase("braking"),
+            speeding=known & self.is_phase("accelerating"),
+        )
+
+    @cached_property
+    def spins(self) -> Motion | None:
+        """Spins, where the channels allow it and there are enough of them."""
+        if Z not in axes(self.excitation):
+            return None
+        A, f = spin(self.excitation)
+        known = np.isfinite(A).all(axis=1) & np.isfinite(f)
+        spinning = known & self.is_phase("spinning")
+        changes = yaw_pace(A[:, 1], self.machine.settings)
+        braking = spinning & (changes < 0)
+        welcome = not self.machine.settings.gate.exclude_braking
+        moving = spinning if welcome else spinning & ~braking
+        if not fit_quality.enough(A, moving):
+            return None
+        return Motion(A, f, spinning, moving, braking, speeding=spinning & (changes > 0))

@@ -1,0 +1,66 @@
+"""The command `run`: logs and a machine file in, the answer and a recording out."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+from analysis.answer import Answer, answer
+from estimators.errors import DataError, LogError
+from recordings import check_recording, write_recording
+from recordings.viewer import start_viewer
+from replay.machine_file import load_machine, time_axis
+from replay.pipeline import STAGES, run
+from replay.readers import open_log
+
+#: What `on_stage` is told, in order, of a replay that is recorded.
+STEPS: Final = ("open", *STAGES, "record")
+
+
+def replay_logs(
+    logs: Sequence[Path],
+    machine_file: Path,
+    output: Path | None = None,
+    overrides: Sequence[str] = (),
+    *,
+    strict: bool = False,
+    force: bool = False,
+    live: bool = False,
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> Answer:
+    """Replay logs in one time line and record the run.
+
+    Args:
+        logs: the logs.
+        machine_file: the machine file, or the name of a shipped one.
+        output: the recording to write, if any.
+        overrides: `key=value`, of the machine file.
+        strict: refuse a log with any loss.
+        force: replace an existing recording.
+        live: show the recording in the viewer as it is written.
+        on_stage: told each of `STEPS` as it begins.
+
+    Raises:
+        PayscopeError: whatever is wrong with the input, before anything is written.
+    """
+    machine = load_machine(machine_file, overrides)
+    if output is not None:
+        check_recording(output, force=force)
+    # before the work: without a screen there is nothing to wait for
+    viewer = start_viewer() if live else None
+    with ExitStack() as stack:
+        on_stage("open")
+        opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        try:
+            result = run(opened, machine, on_stage)
+        except DataError as error:
+            names = ", ".join(map(str, logs))
+            raise DataError(f"{names} with {machine_file}: {error}") from None
+        if strict and result.provenance.losses:
+            first, *more = result.provenance.losses
+            others = f"and {len(more)} more; " if more else ""
+            raise LogError(f"{first} ({others}leave out --strict to accept)")
+        if output is not None:
+            on_stage("record")
+            write_recording(result, output, force=force, viewer=viewer)
+    return answer(result, str(output) if output else None)
