@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -26,8 +26,6 @@ import polars as pl
 import typer
 
 REPO: Final = Path(__file__).resolve().parent.parent
-#: Settings whose nested name is not the flat one in parts.
-RENAMED: Final = {"gate": ("gate.index", "gate.kind", "gate.measure")}
 ALL_METHODS: Final = ["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]
 
 
@@ -103,7 +101,8 @@ def replays(log: Path, machine: str, variants: Mapping[str, dict[str, Any]]) -> 
 def work(checkout: Path, folder: Path, listed: Path) -> None:
     """Do every case in this process; a fault of one is its result."""
     sys.path.insert(0, str(checkout))
-    for each in json.loads(listed.read_text()):
+    asked = json.loads(listed.read_text())
+    for each in asked["cases"]:
         case = Case(**each)
         into = folder / case.folder
         into.mkdir()
@@ -111,20 +110,20 @@ def work(checkout: Path, folder: Path, listed: Path) -> None:
             if case.command:
                 command(case, checkout, into)
             else:
-                replay(case, checkout, folder, into)
+                replay(case, checkout, folder, into, asked["moved"])
         except Exception as error:  # noqa: BLE001 any fault is what the other checkout is held against
             (into / "fault.txt").write_text(f"{type(error).__name__}: {error}")
         print(f"{checkout}: {case.name}", file=sys.stderr, flush=True)
 
 
-def replay(case: Case, checkout: Path, folder: Path, into: Path) -> None:
+def replay(case: Case, checkout: Path, folder: Path, into: Path, moved: Mapping[str, str]) -> None:
     """Replay a case's logs and write down its frames and provenance."""
     from analysis import Machine
     from replay import TimeAxis, open_log, run
 
     own = checkout / case.machine
     content = tomllib.loads((own if own.exists() else Path(case.machine)).read_text())
-    content["settings"] = settled({**leaves(content.get("settings", {})), **case.settings})
+    content["settings"] = settled({**leaves(content.get("settings", {})), **case.settings}, moved)
     machine = Machine.model_validate(content)
     time = TimeAxis(machine.log.time, machine.log.time_unit) if machine.log.time else None
     with ExitStack() as stack:
@@ -175,23 +174,15 @@ def leaves(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def settled(named: Mapping[str, Any]) -> dict[str, Any]:
+def settled(named: Mapping[str, Any], moved: Mapping[str, str]) -> dict[str, Any]:
     """Nest settings as this checkout has them, whatever it was that named them."""
     from analysis import Settings
 
+    moved = {**moved, **{new: old for old, new in moved.items()}}
     known = leaves(Settings.model_validate({}).model_dump(mode="json"))
     tree: dict[str, Any] = {}
     for name, value in named.items():
-        flat, leaf = name.replace(".", "_"), name.rpartition(".")[2]
-        ways: tuple[Callable[[str], bool], ...] = (
-            lambda path, name=name: path == name,
-            lambda path, name=name: path in RENAMED.get(name, ()),
-            lambda path, flat=flat: path.replace(".", "_") == flat,
-            lambda path, leaf=leaf: path.rpartition(".")[2] == leaf,
-            lambda path, leaf=leaf: path.replace(".", "_") == leaf,
-            lambda path, name=name: name in RENAMED.get(path, ()),
-        )
-        found = next((path for way in ways for path in known if way(path)), name)
+        found = next((path for path in (name, moved.get(name, name)) if path in known), name)
         *stages, last = found.split(".")
         here = tree
         for stage in stages:
@@ -231,8 +222,8 @@ def compared(mine: Path, theirs: Path) -> tuple[str, str, str]:
 
 
 def compares(name: str) -> bool:
-    """Whether a file is compared: recordings and pictures hold times and ids, frames do not."""
-    return not name.endswith((".rrd", ".png", ".md"))
+    """Whether a file is compared: neither what holds times and ids, nor a copied machine file."""
+    return not name.endswith((".rrd", ".png", ".md", ".toml"))
 
 
 def difference(mine: Path, theirs: Path) -> str | None:
@@ -285,6 +276,14 @@ def provenance_difference(mine: dict[str, Any], theirs: dict[str, Any]) -> str |
     return None if values[0] == values[1] else "values of the settings"
 
 
+def moved_settings() -> Mapping[str, str]:
+    """The nested name of each setting that was flat once, as this checkout has it."""
+    sys.path.insert(0, str(REPO))
+    from analysis.settings import MOVED
+
+    return dict(MOVED)
+
+
 def main(
     other: Annotated[Path, typer.Argument(help="The checkout to compare with.")],
     this: Annotated[Path, typer.Option(help="The checkout to compare: this one.")] = REPO,
@@ -302,7 +301,8 @@ def main(
     listed = [case for case in cases(data) if case in listed or case.folder in made]
     with tempfile.TemporaryDirectory() as scratch:
         wanted = Path(scratch, "cases.json")
-        wanted.write_text(json.dumps([asdict(case) for case in listed]))
+        asked = {"cases": [asdict(case) for case in listed], "moved": moved_settings()}
+        wanted.write_text(json.dumps(asked))
         started: list[tuple[Path, subprocess.Popen[bytes]]] = []
         for number, checkout in enumerate((this.resolve(), other.resolve())):
             folder = Path(scratch, str(number))
