@@ -4,8 +4,10 @@ BIN := .venv/bin
 RUN_STAMP := .venv/.run-stamp
 TEST_STAMP := .venv/.test-stamp
 BENCH_STAMP := .venv/.bench-stamp
+# a worker a processor, each of up to a gigabyte
+PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test lint types tests docs campaign coverage decoding forgetting gates reproduction reading speed memory fuzz lock clean help
+.PHONY: demo test check lint types tests slow docs campaign coverage decoding forgetting gates reproduction reading speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -16,6 +18,9 @@ demo: $(RUN_STAMP) ## simulate the calibration campaign as real logs, replay it,
 
 test: lint types tests ## everything that must hold: lint, strict types, tests
 
+check: lint types ## what to run after each change: lint, types, the tests of what changed (a minute)
+	$(BIN)/python .ci/check.py
+
 lint: $(TEST_STAMP) ## ruff's rules and format
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -23,8 +28,11 @@ lint: $(TEST_STAMP) ## ruff's rules and format
 types: $(TEST_STAMP) ## strict types
 	$(BIN)/basedpyright
 
-tests: $(TEST_STAMP) ## the tests alone
-	$(BIN)/python -m pytest
+tests: $(TEST_STAMP) ## the tests alone, in parallel; a file's tests share its fixtures
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
+
+slow: $(TEST_STAMP) ## the same statements over many trials and examples (ten minutes)
+	$(BIN)/python -m pytest $(PARALLEL) -m slow
 
 $(BIN)/python:
 	$(PYTHON) .ci/make_environment.py .venv

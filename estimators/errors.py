@@ -16,10 +16,10 @@ from difflib import get_close_matches
 
 
 class PayscopeError(Exception):
-    """The root: its text is one line that a person can act on."""
+    """The root: one line that a person can act on; `args` keeps the text as it was given."""
 
-    def __init__(self, text: str) -> None:
-        super().__init__(one_line(text))
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class LogError(PayscopeError):

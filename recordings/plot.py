@@ -28,7 +28,7 @@ from recordings.texts import local_time, summary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import SubFigure
+    from matplotlib.figure import Figure, SubFigure
 
 SUFFIXES: Final = (".png", ".pdf", ".svg")
 _NS: Final = 1e9
@@ -59,12 +59,24 @@ def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
     Raises:
         OutputError: another suffix, the file exists, or it cannot be written.
     """
-    from matplotlib.figure import Figure
-
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
     check_output(path, force=force)
+    figure = draw_run(run)
+    with (
+        whole_file(path, force=force) as partial,
+        catch_warnings(),
+    ):
+        filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
+        figure.savefig(partial, dpi=_DPI)
+    return path
+
+
+def draw_run(run: Run) -> "Figure":
+    """Draw the page of `plot_run` without writing it."""
+    from matplotlib.figure import Figure
+
     lines = [part for line in summary(run).splitlines() for part in wrap(line, _CHARACTERS) or [""]]
     shown = display_frames(run)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_of(view, run, shown))]
@@ -77,13 +89,7 @@ def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
     _draw_views(parts[1], views, run, shown)
     if points.height:
         _draw_calibration(parts[2], points)
-    with (
-        whole_file(path, force=force) as partial,
-        catch_warnings(),
-    ):
-        filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
-        figure.savefig(partial, dpi=_DPI)
-    return path
+    return figure
 
 
 def _write_answer(part: "SubFigure", lines: list[str]) -> None:

@@ -8,6 +8,20 @@ import pytest
 REPO = Path(__file__).resolve().parent.parent
 
 
+def pytest_configure() -> None:
+    """Each parallel worker compiles into a place of its own.
+
+    Numba writes which specialisation is in which file, and the file, one after the other: two
+    processes that do so at once may leave one's name on the other's code.
+    """
+    worker = os.environ.get("PYTEST_XDIST_WORKER")
+    if worker:
+        from estimators import cache
+
+        cache.ensure()
+        os.environ["NUMBA_CACHE_DIR"] = str(Path(os.environ["NUMBA_CACHE_DIR"], worker))
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Logs recorded by others, which the repository does not hold."""

@@ -97,14 +97,45 @@ def test_every_example_machine_file_is_valid() -> None:
             load_machine(path)
 
 
+#: What tools leave beside the sources; never part of a release.
+MADE = {"dist", "demo", "build", "__pycache__"}
+
+
+def tracked() -> set[Path]:
+    """The files of this git checkout, empty where it is none."""
+    if not (REPO / ".git").exists():
+        return set()
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], capture_output=True, text=True, cwd=REPO, check=True
+    )
+    paths = {REPO / name for name in filter(None, listed.stdout.split("\0"))}
+    return {path for path in paths if path.is_file()}
+
+
+def beside() -> set[Path]:
+    """The files of this folder, also where it is an unpacked release."""
+    return {
+        path
+        for path in REPO.rglob("*")
+        if path.is_file() and not any(map(is_made, path.relative_to(REPO).parts))
+    }
+
+
+def is_made(part: str) -> bool:
+    hidden = part.startswith(".") and part not in (".ci", ".gitignore")
+    return hidden or part in MADE
+
+
 def test_no_file_names_a_package_index_or_a_path_of_the_makers_machine() -> None:
-    tracked = subprocess.run(
-        ["git", "ls-files", "-z"], capture_output=True, text=True, cwd=REPO, check=False
-    ).stdout.split("\0")
     index = re.compile(r"(pypi\.org|pythonhosted|/simple/|/packages/[0-9a-f]{2}/)")
-    for name in filter(None, tracked):
-        path = REPO / name
-        if path.suffix in (".png",) or not path.is_file() or path == Path(__file__):
+    files = tracked() or beside()
+    assert {REPO / "README.md", REPO / "pyproject.toml", Path(__file__)} <= files
+    for path in sorted(files):
+        if path.suffix in (".png", ".rrd") or path == Path(__file__):
             continue
-        assert not index.search(path.read_text(encoding="utf-8")), name
-    assert "uv.lock" not in tracked
+        assert not index.search(path.read_text(encoding="utf-8")), path
+    assert REPO / "uv.lock" not in files
+
+
+def test_without_git_no_file_of_the_checkout_is_left_out() -> None:
+    assert tracked() <= beside()

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from analysis.align import align
 from estimators.errors import DataError
+from tests.one_line import assert_one_line
 
 MS = 1_000_000
 T0 = 1_700_000_000_000_000_000
@@ -134,7 +135,7 @@ def test_channels_that_share_no_time_are_an_error_that_gives_their_spans(channel
     channels = three(channels_of, ticks(10, 100), ticks(10, 100, 5000))
     with pytest.raises(DataError) as error:
         align(channels, machine())
-    assert "\n" not in str(error.value)
+    assert_one_line(error.value)
     assert str(error.value).startswith("the channels share no stretch of time: force_x_N 17000000")
     assert "speed_x_m_s 1700000005.000…1700000005.990 s" in str(error.value)
 

@@ -105,11 +105,27 @@ def choices(draw):
     return settings_of(**chosen, methods=EVERY)
 
 
+def examples(number):
+    return hypothesis_settings(
+        deadline=None,
+        max_examples=number,
+        suppress_health_check=[HealthCheck.function_scoped_fixture],
+    )
+
+
 @given(log=logs(), settings=choices())
-@hypothesis_settings(
-    deadline=None, max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@examples(8)
 def test_every_decision_and_every_estimate_equals_the_replays(drive, excitation_of, log, settings):
+    made, holes = log
+    assert_as_in_replay(holes_in(excitation_of(drive(**made)), holes), settings)
+
+
+@pytest.mark.slow
+@given(log=logs(), settings=choices())
+@examples(40)
+def test_every_decision_and_every_estimate_of_many_logs_equals_the_replays(
+    drive, excitation_of, log, settings
+):
     made, holes = log
     assert_as_in_replay(holes_in(excitation_of(drive(**made)), holes), settings)
 

@@ -83,11 +83,16 @@ def test_v_and_omega_in_step_mix_mass_and_inertia_with_the_lateral_moment():
     assert row["first_moment_x_kg_m"] == pytest.approx(LOADER[2], rel=0.05)
 
 
-def test_nominal_95_percent_intervals_cover_over_100_logs_of_different_noise():
+@pytest.mark.parametrize(
+    # so many of 12 logs fall short of 0.75 once in 500 times
+    ("logs", "least"),
+    [(12, 0.75), pytest.param(100, 0.90, marks=pytest.mark.slow)],
+)
+def test_nominal_95_percent_intervals_cover_over_logs_of_different_noise(logs, least):
     std = {"mass_kg": "mass_std_kg", "inertia_z_kg_m2": "inertia_z_std_kg_m2"}
     inside = {name: [] for name in ("inertia, pooled", "arc", "arcs", "joint")}
     inside |= {"mass_kg": [], "inertia_z_kg_m2": []}
-    for seed in range(100):
+    for seed in range(logs):
         stages = whole(seed)
         total = stages["masses"].row(0, named=True)
         error = total["inertia_z_kg_m2"] - LOADER[1]
@@ -102,7 +107,7 @@ def test_nominal_95_percent_intervals_cover_over_100_logs_of_different_noise():
                 for (name, deviation), truth in zip(std.items(), LOADER, strict=False):
                     inside[name].append(abs(row[name] - truth) < 1.96 * row[deviation])
     covered = {name: np.mean(each) for name, each in inside.items()}
-    assert all(share >= 0.90 for share in covered.values()), covered
+    assert all(share >= least for share in covered.values()), covered
 
 
 def test_one_arc_alone_determines_none():

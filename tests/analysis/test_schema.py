@@ -58,7 +58,25 @@ def test_a_name_that_ends_in_a_unit_means_that_unit():
 def test_a_name_means_the_same_unit_and_dtype_in_every_frame():
     units = {}
     for _, column in COLUMNS:
-        assert units.setdefault(column.name, (column.unit, column.dtype))[0] == column.unit
+        meant = (column.unit, column.dtype)
+        assert units.setdefault(column.name, meant) == meant, column.name
+
+
+def test_a_name_says_the_dtype():
+    whole = ("segment_id", "samples", "samples_accepted", "rows", "rows_z", "runs", "rank")
+    words = ("kind", "identifiable", "combinations", "method", "check", "about", "meaning")
+    truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
+    dtypes = {
+        **dict.fromkeys(whole, pl.Int64),
+        **dict.fromkeys(words, pl.String),
+        **dict.fromkeys(truths, pl.Boolean),
+        **dict.fromkeys(("reason", "reason_x", "reason_z"), pl.Enum(REASONS)),
+        "phase": pl.Enum(PHASES),
+        "axis": pl.Enum(["x", "z"]),
+    }
+    for frame, column in COLUMNS:
+        time = pl.Int64 if column.name.endswith("_ns") else pl.Float64
+        assert column.dtype == dtypes.get(column.name, time), f"{frame}.{column.name}"
 
 
 def test_no_frame_declares_a_column_twice():
@@ -90,7 +108,7 @@ def test_conform_orders_and_casts():
     frame = conform(
         "gate", pl.DataFrame({"accepted_x": [True], "t_ns": pl.Series([1], dtype=pl.Int8)})
     )
-    assert frame.schema == {"t_ns": pl.Int64, "accepted_x": pl.Boolean}
+    assert list(frame.schema.items()) == [("t_ns", pl.Int64), ("accepted_x", pl.Boolean)]
 
 
 def test_conform_refuses_a_column_without_a_declaration():

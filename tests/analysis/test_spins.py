@@ -201,16 +201,23 @@ def test_without_a_channel_there_is_no_yaw_axis_and_a_note_names_it(missing):
     assert obstacles(turned["excitation"], turned["gate"], loader.settings) == []
 
 
-def test_intervals_of_every_method_cover_the_inertia_however_it_takes_the_noise_of_its_columns():
-    """100 logs of different noise, nominal 95 %: what noise draws least squares by is inside."""
+@pytest.mark.parametrize(
+    # so many of 12 logs fall short of 0.75 once in 500 times
+    ("logs", "least"),
+    [(12, 0.75), pytest.param(100, 0.90, marks=pytest.mark.slow)],
+)
+def test_intervals_of_every_method_cover_the_inertia_however_it_takes_the_noise_of_its_columns(
+    logs, least
+):
+    """Logs of different noise, nominal 95 %: what noise draws least squares by is inside."""
     methods = ("ls", "rls", "fgls", "tls", "pooled")
     inside = []
-    for seed in range(100):
+    for seed in range(logs):
         total = replayed(sensors(spins(), seed=seed), machine(methods=methods))["masses"]
         error = total["inertia_z_kg_m2"].to_numpy() - INERTIA_KG_M2
         inside.append(np.abs(error) < 1.96 * total["inertia_z_std_kg_m2"].to_numpy())
     covered = dict(zip(methods, np.mean(inside, axis=0), strict=True))
-    assert all(share >= 0.90 for share in covered.values()), covered
+    assert all(share >= least for share in covered.values()), covered
 
 
 def test_windows_that_keep_the_noise_of_their_columns_say_so_in_their_deviation(stages):

@@ -69,23 +69,30 @@ def test_straight_spin_and_arc_together_determine_what_each_alone_does_not():
     assert ratio == pytest.approx(500.0 / 3614.0)
 
 
-def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a_moving_mean():
+@pytest.mark.parametrize(
+    # 30 trials tell a share of 0.95 to within 0.04 (one sigma)
+    ("trials", "least", "most"),
+    [(30, 0.82, 1.01), pytest.param(200, 0.90, 0.99, marks=pytest.mark.slow)],
+)
+def test_nominal_95_percent_intervals_cover_at_unequal_noise_of_the_axes_after_a_moving_mean(
+    trials, least, most
+):
     """Smoothed like the log: force noise of 60 N and 25 N·m before a mean of ten samples."""
     A = planar_rows.regressor(**MOTIONS["joint"])
     truth = A @ LOADER
     kernel = np.ones(10) / 10
     covered, com_covered = [], []
     com = LOADER[AT["first_moment_x_kg_m"]] / LOADER[0]
-    for seed in range(200):
+    for seed in range(trials):
         noise = SIGMA * np.random.default_rng(seed).normal(size=(2009, 2))
         f = truth + np.column_stack([np.convolve(x, kernel, "valid") for x in noise.T])
         found = fit(A, f, planar_rows.PARAMETERS)
         covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
         ratio, std = found.quotient("first_moment_x_kg_m", "mass_kg")
         com_covered.append(abs(ratio - com) < 1.96 * std)
-    assert (np.mean(covered, axis=0) > 0.90).all()
-    assert (np.mean(covered, axis=0) < 0.99).all()
-    assert 0.90 < np.mean(com_covered) < 0.99
+    assert (np.mean(covered, axis=0) > least).all()
+    assert (np.mean(covered, axis=0) < most).all()
+    assert least < np.mean(com_covered) < most
 
 
 #: An inertia is drawn by (0.02 / 0.32)² = 0.4 %.
@@ -107,19 +114,26 @@ def noisy(motion, seed, mean=1):
     return A, f, planar_rows.column_noise(turning, **NOISE)
 
 
-def test_known_noise_of_the_columns_draws_nothing_and_nominal_95_percent_intervals_cover():
+@pytest.mark.parametrize(
+    # 20 trials tell a share of 0.95 to within 0.05, a mean to within 0.22 deviations (one sigma)
+    ("trials", "least", "most_left"),
+    [(20, 0.75, 0.5), pytest.param(100, 0.90, 0.2, marks=pytest.mark.slow)],
+)
+def test_known_noise_of_the_columns_draws_nothing_and_nominal_95_percent_intervals_cover(
+    trials, least, most_left
+):
     covered, errors, drawn = [], [], []
-    for seed in range(100):
+    for seed in range(trials):
         A, f, noise = noisy(MOTIONS["joint"], seed)
         found = fit(A, f, planar_rows.PARAMETERS, noise=noise)
         covered.append(np.abs(found.theta - LOADER) < 1.96 * found.std)
         errors.append(found.theta - LOADER)
         drawn.append(fit(A, f, planar_rows.PARAMETERS).theta - LOADER)
-    assert (np.mean(covered, axis=0) >= 0.90).all()
+    assert (np.mean(covered, axis=0) >= least).all()
     inertia = AT["inertia_z_kg_m2"]
     bias, before = np.mean(errors, axis=0)[inertia], np.mean(drawn, axis=0)[inertia]
     assert before < -0.003 * LOADER[inertia]
-    assert abs(bias) < 0.2 * abs(before)
+    assert abs(bias) < most_left * abs(before)
 
 
 def test_noise_is_taken_off_combinations_alike():

@@ -8,6 +8,7 @@ import pytest
 
 from analysis.methods import METHODS, AxisNoise, Feed, MethodOptions
 from estimators import fgls, ls, rls, rtls, tls
+from estimators.autocorrelation import pooled_autocorrelation, window_residuals
 from estimators.estimate import Trace
 from estimators.linear import condition_number
 
@@ -75,40 +76,89 @@ def windows_by_fit(method) -> Callable[[Log, Trace, object], list]:
     return expected
 
 
-def repeated_steps(log, traced, options):
-    """`step`, once a sample of the union; the deviation has no readable form of its own."""
+def repeated_steps(log, _traced, options):
+    """`step`, once a sample of the union; the deviation is that of what is linear in the force."""
     ends = np.flatnonzero(log.accepted)
     first = slice(ends[0] - WINDOW + 1, ends[0] + 1)
     state = rls.start(log.A[first], log.f[first], options)
     gram = log.A[first].T @ log.A[first]
-    rows = [(ends[0], state.theta, traced.std[0], rms_of(state), condition_number(gram))]
+    fed = list(range(first.start, first.stop))
+    weights = np.linalg.pinv(log.A[first])
+    alone = ls.trace(log.A, log.f, WINDOW, log.accepted)
+    residuals = window_residuals(log.A, log.f, alone.theta, ends, WINDOW)
+    correlation, variance = pooled_autocorrelation(*residuals, log.A)
+
+    def std():
+        cover = weights @ correlation_matrix(fed, correlation) @ weights.T
+        return np.sqrt(variance * np.maximum(cover, weights @ weights.T).diagonal())
+
+    rows = [(ends[0], state.theta, std(), rms_of(state), condition_number(gram))]
     inside = log.union
     for k in range(ends[0] + 1, log.f.size):
         if inside[k]:
+            weights = weights_after(state, weights, log.A[k], options)
+            fed.append(k)
             state = rls.step(state, log.A[k], log.f[k], options)
         if log.accepted[k]:
             condition = condition_number(np.linalg.inv(state.P))
-            rows.append((k, state.theta, traced.std[len(rows)], rms_of(state), condition))
+            rows.append((k, state.theta, std(), rms_of(state), condition))
     return rows
 
 
-def repeated_total_steps(log, traced, options):
+def weights_after(state, weights, a, options):
+    """What each sample's force counts in θ, (p, samples), once `a` is fed too: θ is linear in f."""
+
+    def estimate(theta, force):
+        return rls.step(rls.RlsState(theta, state.P, 0.0, 1.0), a, force, options).theta
+
+    kept = [estimate(column, 0.0) for column in weights.T]
+    return np.column_stack([*kept, estimate(np.zeros(a.size), 1.0)])
+
+
+def correlation_matrix(samples, correlation):
+    """R of residuals that lie so many samples apart."""
+    lag = np.abs(np.subtract.outer(samples, samples))
+    last = correlation.size - 1
+    return np.where(lag <= last, correlation[np.minimum(lag, last)], 0.0)
+
+
+def repeated_total_steps(log, _traced, options):
     """The same for recursive TLS, whose residuals are those of all the past under one θ."""
     ends = np.flatnonzero(log.accepted)
     first = slice(ends[0] - WINDOW + 1, ends[0] + 1)
     state = rtls.start(log.A[first], log.f[first], options)
     scale = options.noise.scales(log.A.shape[1])
     inside = log.union
-    rows = []
+    fed, weights = list(range(first.start, first.stop)), np.ones(WINDOW)
+    residual, owner = np.zeros(log.f.size), np.full(log.f.size, -1)
+    rows, covers = [], []
     for k in range(ends[0], log.f.size):
         if inside[k] and k > ends[0]:
             state = rtls.step(state, log.A[k], log.f[k], options)
+            fed.append(k)
+            weights = np.append(options.forgetting * weights, 1.0)
         if log.accepted[k]:
             x = np.append(-state.theta * scale, 1.0)
             rms = np.sqrt(x @ state.C @ x / state.weight)
             condition = condition_number(state.C[:-1, :-1].copy())
-            rows.append((k, state.theta, traced.std[len(rows)], rms, condition))
+            rows.append((k, state.theta, rms, condition))
+            new = [sample for sample in fed if owner[sample] < 0]
+            residual[new], owner[new] = log.f[new] - log.A[new] @ state.theta, 0
+            covers.append((clean_gram(state.C, scale), log.A[fed] * weights[:, None], list(fed)))
+    correlation, variance = pooled_autocorrelation(residual, owner, None)
+    for row, (gram, weighted, samples) in enumerate(covers):
+        bread = np.linalg.inv(gram)
+        meat = weighted.T @ correlation_matrix(samples, correlation) @ weighted
+        cover = np.maximum(bread @ meat @ bread, bread @ weighted.T @ weighted @ bread)
+        index, theta, *others = rows[row]
+        rows[row] = (index, theta, np.sqrt(variance * cover.diagonal()), *others)
     return rows
+
+
+def clean_gram(C, scale):
+    """AᵀA of the scaled [A f] without its noise, whose square is the smallest eigenvalue."""
+    smallest = np.linalg.eigvalsh(C)[0]
+    return (C[:-1, :-1] - smallest * np.eye(scale.size)) * np.outer(scale, scale)
 
 
 def rms_of(state):

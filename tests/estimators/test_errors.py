@@ -1,10 +1,12 @@
 """The exception tree, and the hint at a misspelt word."""
 
 import inspect
+import pickle
 
 import pytest
 
 from estimators import errors
+from tests.one_line import assert_one_line
 
 
 def test_every_error_is_a_payscope_error_with_a_docstring():
@@ -20,6 +22,15 @@ def test_every_error_is_a_payscope_error_with_a_docstring():
 def test_an_error_is_one_line_also_where_it_quotes_what_is_none():
     error = errors.LogError("a.csv: no topic '/a\n\x1b[2J\u2028\x0c\ud800ü🚜'")
     assert str(error) == "a.csv: no topic '/a �[2J  �ü🚜'"
+
+
+@pytest.mark.parametrize("text", ["a.csv: 2 faults\n- a\n- b", "a.csv: Traceback (most recent"])
+def test_what_an_error_was_given_is_kept_so_that_a_report_of_many_lines_shows(text):
+    error = errors.LogError(text)
+    assert "\n" not in str(error)
+    assert pickle.loads(pickle.dumps(error)).args == (text,)
+    with pytest.raises(AssertionError):
+        assert_one_line(error)
 
 
 @pytest.mark.parametrize(

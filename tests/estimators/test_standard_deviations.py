@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from estimators import ls, pooled, rls
+from estimators import ls, pooled, rls, rtls
 from estimators.autocorrelation import pooled_autocorrelation, student_factor, window_residuals
 from estimators.sandwich import deviations, meat
+from estimators.tls import TlsOptions
 from estimators.window_mean import mean_estimate
 
 TRUTH = np.array([3614.0, 2891.0])
@@ -71,14 +72,32 @@ def test_the_deviation_of_a_mean_of_overlapping_windows_is_its_spread():
     assert (np.abs(np.mean(means, axis=0) - TRUTH) < 4 * spread / np.sqrt(120)).all()
 
 
-def test_the_deviation_of_the_recursions_last_state_is_its_spread():
-    ends, stds = [], []
+NOISE = TlsOptions((1e-3, 5e-4), 63.0)
+RECURSIONS = {
+    "rls": (rls, rls.RlsOptions(0.998)),
+    "rls that forgets within a start": (rls, rls.RlsOptions(0.98)),
+    "rls that forgets along the samples alone": (rls, rls.RlsOptions(0.98, directional=True)),
+    "rtls": (rtls, rtls.RtlsOptions(NOISE, 0.998)),
+    "rtls that forgets within a start": (rtls, rtls.RtlsOptions(NOISE, 0.98)),
+}
+
+
+@pytest.mark.parametrize(("method", "options"), RECURSIONS.values(), ids=RECURSIONS.keys())
+def test_the_deviation_of_a_recursion_is_its_spread_from_its_first_window_to_its_end(
+    method, options
+):
+    thetas, stds = [], []
     for seed in range(2000, 2120):
         A, f, _ = campaign(seed)
-        traced = rls.trace(A, f, 200, accepted_ends(200), rls.RlsOptions(0.998))
-        ends.append(traced.theta[-1])
-        stds.append(traced.std[-1])
-    np.testing.assert_allclose(np.mean(stds, axis=0), np.std(ends, axis=0, ddof=1), rtol=0.25)
+        traced = method.trace(A, f, 200, accepted_ends(200), options)
+        rows = [0, traced.index.size // 2, -1]
+        thetas.append(traced.theta[rows])
+        stds.append(traced.std[rows])
+    # 120 campaigns tell a spread to within 6.5 % (one sigma)
+    spread = np.std(thetas, axis=0, ddof=1)
+    np.testing.assert_allclose(np.mean(stds, axis=0), spread, rtol=0.25)
+    covered = np.mean(np.abs(np.array(thetas) - TRUTH) < 1.96 * np.array(stds), axis=0)
+    assert (covered > 0.88).all()
 
 
 def test_a_mean_of_one_window_is_that_window():

@@ -2,13 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from analysis import Provenance, Run
 from analysis.run import InputFile
 from estimators.errors import OutputError
 from recordings import plot_run
+from recordings.plot import draw_run
 
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
@@ -66,3 +70,162 @@ def test_another_suffix_or_a_missing_folder_is_one_line(drives, tmp_path: Path):
         plot_run(drives(60.0), tmp_path / "page.bmp")
     with pytest.raises(OutputError, match=r"no folder '.*nowhere'"):
         plot_run(drives(60.0), tmp_path / "nowhere" / "page.png")
+
+
+PANELS = (
+    "Force (N)",
+    "Acceleration (m/s²)",
+    "Speed (m/s)",
+    "Information index (nat)",
+    "Mass (kg)",
+    "Viscous friction (N·s/m)",
+    "Yaw inertia (kg·m²)",
+    "Centre of mass (m)",
+)
+
+
+def panels(figure: Figure) -> dict[str, Axes]:
+    """The panels over time by name and unit, from top to bottom."""
+    return {axes.get_ylabel().replace("\n", " "): axes for axes in figure.subfigs[1].axes}
+
+
+def line(axes: Axes, label: str) -> tuple[np.ndarray, np.ndarray]:
+    (found,) = (each for each in axes.lines if each.get_label() == label)
+    return np.asarray(found.get_xdata()), np.asarray(found.get_ydata())
+
+
+def legend(axes: Axes) -> list[str]:
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_the_panels_are_named_with_their_units_over_seconds_since_the_start(drives):
+    found = panels(draw_run(drives(60.0)))
+    assert tuple(found) == PANELS
+    *others, last = found.values()
+    assert last.get_xlabel() == "s since 2023-11-14 19:13:20 America/Santiago"
+    assert all(axes.get_xlabel() == "" for axes in others)
+    for axes in found.values():
+        assert axes.get_xlim() == (0.0, pytest.approx(59.99))
+
+
+@pytest.mark.parametrize(
+    ("panel", "label", "frame", "column"),
+    [
+        ("Force (N)", "driving force", "excitation", "force_x_N"),
+        ("Acceleration (m/s²)", "kinematic", "excitation", "acc_x_m_s2"),
+        ("Speed (m/s)", "speed", "excitation", "speed_x_m_s"),
+        ("Information index (nat)", "index of the window", "gate", "mi_x_nat"),
+        ("Mass (kg)", "rls", "estimates/rls", "mass_kg"),
+        ("Viscous friction (N·s/m)", "tls", "estimates/tls", "friction_x_N_s_m"),
+        ("Yaw inertia (kg·m²)", "ls", "estimates/ls", "inertia_z_kg_m2"),
+    ],
+)
+def test_a_line_holds_the_numbers_of_its_column_and_breaks_where_there_are_none(
+    drives, panel, label, frame, column
+):
+    # up to 4000 samples are drawn one by one
+    run = drives(36.0)
+    t_s, numbers = line(panels(draw_run(run))[panel], label)
+    stored = run.frames[frame].select("t_ns", column)
+    there = stored.drop_nulls()
+    drawn = np.isfinite(numbers)
+    np.testing.assert_allclose(t_s[drawn], there["t_ns"] / 1e9)
+    np.testing.assert_array_equal(numbers[drawn], there[column])
+    # between rows that are further apart than a window's step, nothing is joined
+    steps = np.diff(there["t_ns"])
+    gaps = np.flatnonzero(steps > 2 * steps.min())
+    for before, after in zip(there["t_ns"][gaps], there["t_ns"][gaps + 1], strict=True):
+        inside = (t_s > before / 1e9) & (t_s < after / 1e9)
+        assert np.isnan(numbers[inside]).any()
+
+
+def test_more_points_than_fit_are_drawn_by_the_extremes_of_each_bin(drives):
+    run = drives(900.0)
+    t_s, numbers = line(panels(draw_run(run))["Force (N)"], "driving force")
+    force = run.frames["excitation"]["force_x_N"]
+    assert t_s.size < force.len() / 10
+    assert np.nanmin(numbers) == force.min()
+    assert np.nanmax(numbers) == force.max()
+
+
+def test_a_band_is_one_standard_deviation_on_each_side(drives):
+    run = drives(36.0)
+    axes = panels(draw_run(run))["Mass (kg)"]
+    order = [each.get_label() for each in axes.lines]
+    assert order == ["ls", "rls", "fgls", "tls", "pooled"]
+    frame = run.frames["estimates/rls"]
+    bands = [each for each in axes.collections if each.get_alpha() == 0.2]
+    edges = np.concatenate([path.vertices for path in bands[order.index("rls")].get_paths()])
+    for side in (-1.0, 1.0):
+        wanted = frame["mass_kg"] + side * frame["mass_std_kg"]
+        for t_ns, edge in list(zip(frame["t_ns"], wanted, strict=True))[::50]:
+            near = edges[np.abs(edges[:, 0] - t_ns / 1e9) < 1e-6]
+            assert np.abs(near[:, 1] - edge).min() < 1e-6 * abs(edge)
+
+
+def test_a_panel_of_several_lines_has_a_legend_and_one_of_a_single_line_none(drives):
+    found = panels(draw_run(drives(60.0)))
+    assert legend(found["Mass (kg)"]) == ["ls", "rls", "fgls", "tls", "pooled"]
+    assert legend(found["Information index (nat)"]) == [
+        "index of the window",
+        "mutual information by nearest neighbours",
+        "index of the window, yaw",
+        "mutual information by nearest neighbours, yaw",
+        "threshold 0.7 nat",
+    ]
+    assert legend(found["Centre of mass (m)"]) == ["ahead", "to the left"]
+    assert found["Force (N)"].get_legend() is None
+
+
+def test_the_threshold_is_a_level_over_the_whole_log(drives):
+    axes = panels(draw_run(drives(36.0)))["Information index (nat)"]
+    t_s, level = line(axes, "threshold 0.7 nat")
+    np.testing.assert_allclose(t_s, [0.0, 35.99])
+    np.testing.assert_array_equal(level, [0.7, 0.7])
+
+
+def test_wild_estimates_leave_the_axis_to_the_bulk(drives):
+    axes = panels(draw_run(drives(60.0)))["Mass (kg)"]
+    _, tls = line(axes, "tls")
+    low, high = axes.get_ylim()
+    assert np.nanmax(tls) == 2.5e6
+    assert 2500.0 < low < 3500.0 < high < 4500.0
+
+
+def test_what_is_shaded_are_the_accepted_windows(drives):
+    run = drives(60.0)
+    axes = panels(draw_run(run))["Information index (nat)"]
+    (shaded,) = (each for each in axes.collections if each.get_alpha() == 0.15)
+    spans = [path.get_extents() for path in shaded.get_paths()]
+    accepted = run.frames["gate"].filter("accepted_x")["t_ns"] / 1e9
+    inside = [sum(((accepted >= s.x0) & (accepted < s.x1)).sum() for s in spans)]
+    assert inside == [accepted.len()]
+    assert sum(span.width for span in spans) == pytest.approx(accepted.len() * 0.01, abs=0.02)
+
+
+def test_the_answer_and_the_checks_are_written_above(drives):
+    head = draw_run(drives(60.0)).subfigs[0]
+    assert "kg (pooled, one standard deviation)" in head._suptitle.get_text()
+    (text,) = (each.get_text() for each in head.axes[0].texts)
+    assert "passed   partial_correlation 0.93" in text
+
+
+def test_the_calibration_shows_each_point_and_line_and_what_is_left_of_them(drives):
+    run = drives(60.0)
+    fits, errors = draw_run(run).subfigs[2].axes
+    assert (fits.get_xlabel(), fits.get_ylabel()) == ("estimate (kg)", "reference (kg)")
+    assert errors.get_ylabel() == "calibrated − reference (kg)"
+    assert legend(fits) == ["ls", "rls", "fgls", "tls", "pooled"]
+    points = run.frames["calibration"].filter(method="rls")
+    known, left = line(errors, "rls")
+    np.testing.assert_array_equal(known, points["reference_kg"])
+    np.testing.assert_array_equal(left, points["error_kg"])
+    drawn = [np.column_stack(each.get_data()) for each in fits.lines]
+    marks = points.select("estimate_kg", "reference_kg").to_numpy()
+    line_of_19 = np.column_stack([points["estimate_kg"], points["calibrated_kg"]])
+    for wanted in (marks, line_of_19):
+        assert any(each.shape == wanted.shape and np.allclose(each, wanted) for each in drawn)
+
+
+def test_a_run_without_a_calibration_has_no_third_part(drives):
+    assert len(draw_run(drives(60.0, calibration=False)).subfigs) == 2

@@ -14,6 +14,7 @@ from analysis.schema import PHASE
 from estimators.errors import OutputError, RecordingError
 from recordings import read_frame, read_provenance, read_recording, stages, write_recording
 from recordings.viewer import executable
+from tests.one_line import assert_one_line
 
 BITS = st.integers(0, 2**64 - 1).map(lambda bits: struct.unpack("<d", struct.pack("<Q", bits))[0])
 FLOATS = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
@@ -208,7 +209,7 @@ def _broken(tmp_path: Path, content: bytes) -> str:
     path.write_bytes(content)
     with pytest.raises(RecordingError) as caught:
         read_recording(path)
-    assert "\n" not in str(caught.value)
+    assert_one_line(caught.value)
     assert str(path) in str(caught.value)
     return str(caught.value)
 

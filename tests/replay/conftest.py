@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,12 +14,26 @@ from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 def payscope(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Payscope:
     """Run the command line as a user would; the exit status, stdout and stderr."""
 
+    app = main.__globals__["app"]
+    raised: list[Exception] = []
+
+    def noted(**options: Any) -> Any:
+        try:
+            return app(**options)
+        except Exception as error:
+            raised.append(error)
+            raise
+
+    monkeypatch.setitem(main.__globals__, "app", noted)
+
     def call(*words: object) -> Said:
+        raised.clear()
         monkeypatch.setattr(sys, "argv", ["payscope", *map(str, words)])
         with pytest.raises(SystemExit) as left:
             main()
         captured = capsys.readouterr()
-        return Said(int(left.value.code or 0), captured.out, captured.err)
+        error = raised[0] if raised else None
+        return Said(int(left.value.code or 0), captured.out, captured.err, error)
 
     return call
 

@@ -6,25 +6,33 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
+from tests.one_line import assert_one_line
+
 
 @dataclass(frozen=True)
 class Said:
-    """What a command left: its exit status and what it wrote."""
+    """What a command left: its exit status, what it wrote and the error that ended it."""
 
     status: int
     out: str
     err: str
+    error: Exception | None = None
 
 
 Payscope = Callable[..., Said]
 
 
 def one_line(said: Said, *parts: str) -> None:
-    """Exit 2, nothing on stdout, one line on stderr that names what it should."""
+    """Exit 2, nothing on stdout, one line on stderr that names what it should.
+
+    The command folds its message into one line: so the error must be one before.
+    """
     assert said.status == 2, said
     assert said.out == ""
     assert said.err.count("\n") == 1
     assert "Traceback" not in said.err
+    if said.error is not None:
+        assert_one_line(said.error)
     for part in parts:
         assert part in said.err, said.err
 

@@ -8,6 +8,7 @@ import pytest
 from analysis.simulation import Scenario
 from estimators.errors import ScenarioError
 from replay.scenario import load_scenario
+from tests.one_line import assert_one_line
 
 MANOEUVRE = "[[campaign.manoeuvres]]\n"
 EXAMPLE = Path(__file__).parents[2] / "examples" / "campaign.toml"
@@ -20,7 +21,7 @@ def refusal(tmp_path, text):
         load_scenario(path)
     message = str(caught.value)
     assert message.startswith(str(path))
-    assert "\n" not in message
+    assert_one_line(caught.value)
     return message
 
 
@@ -82,7 +83,7 @@ def test_a_wrong_scenario_is_refused_in_one_line_that_names_the_key(tmp_path, te
 def test_a_number_of_thousands_of_digits_on_the_command_line_is_refused_in_one_line():
     with pytest.raises(ScenarioError, match=r"sensors.seed: unable to parse") as raised:
         load_scenario(None, [f"sensors.seed={'9' * 5000}"])
-    assert "\n" not in str(raised.value)
+    assert_one_line(raised.value)
 
 
 def test_what_is_no_text_file_is_refused(tmp_path):

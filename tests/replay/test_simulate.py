@@ -13,6 +13,7 @@ from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError
 from replay.simulate import log_paths, simulate
 from replay.write_log import write_logs
+from tests.one_line import assert_one_line
 
 SHORT = Scenario.model_validate(
     {
@@ -192,7 +193,7 @@ def test_an_output_that_cannot_be_is_refused_in_one_line_and_leaves_nothing(tmp_
     with pytest.raises(OutputError) as caught:
         simulate(ONE, tmp_path / output)
     assert says in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert_one_line(caught.value)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
 

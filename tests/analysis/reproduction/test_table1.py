@@ -29,13 +29,20 @@ def test_the_steady_oscillation_obeys_the_equation_of_motion_and_repeats(
     assert 5900.0 < f.max() < 6000.0  # the valve's lag rounds the peak off
 
 
-def test_ls_and_scaled_tls_reach_the_bound_from_5_s_on(drive: SteadyDrive) -> None:
+@pytest.mark.parametrize(
+    # 100 trials tell an r.m.s. error to within 7 % (one sigma)
+    ("trials", "lowest", "highest"),
+    [(100, 0.8, 1.25), pytest.param(1000, 0.9, 1.15, marks=pytest.mark.slow)],
+)
+def test_ls_and_scaled_tls_reach_the_bound_from_5_s_on(
+    drive: SteadyDrive, trials: int, lowest: float, highest: float
+) -> None:
     table = table_1(
-        drive, SimulatedSensors(), 1000, windows_s=(5.0, 8.0, 15.0), methods=("ls", "tls")
+        drive, SimulatedSensors(), trials, windows_s=(5.0, 8.0, 15.0), methods=("ls", "tls")
     )
     for row in table.iter_rows(named=True):
-        assert 0.9 <= row["over_bound_1"] <= 1.15, row
-        assert row["trials"] == 1000
+        assert lowest <= row["over_bound_1"] <= highest, row
+        assert row["trials"] == trials
         assert row["strict_bound_kg"] < row["bound_kg"] < 1.05 * row["strict_bound_kg"]
         assert row["rmse_kg_low"] < row["rmse_kg"] < row["rmse_kg_high"]
 

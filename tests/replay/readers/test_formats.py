@@ -9,13 +9,14 @@ import pytest
 from estimators.errors import LogError
 from replay import open_log
 from replay.readers.formats import FORMATS
+from tests.one_line import assert_one_line
 
 
 def one_line(path: Path) -> str:
     with pytest.raises(LogError) as caught:
         open_log(path)
+    assert_one_line(caught.value)
     message = str(caught.value)
-    assert "\n" not in message
     assert str(path) in message
     return message
 

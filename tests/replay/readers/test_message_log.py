@@ -8,6 +8,7 @@ import pytest
 
 from estimators.errors import LogError
 from replay import open_log
+from tests.one_line import assert_one_line
 from tests.replay.readers.written_logs import Joints
 
 Write = Callable[[Sequence[Joints]], Path]
@@ -108,7 +109,7 @@ def test_a_wrong_field_is_refused_before_any_message_is_decoded(
     log = open_log(write_log(DRIVE))
     with pytest.raises(LogError, match=answer) as caught:
         log.read("/joints", [field])
-    assert "\n" not in str(caught.value)
+    assert_one_line(caught.value)
     assert "shift" in str(caught.value)
 
 

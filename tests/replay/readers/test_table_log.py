@@ -7,6 +7,7 @@ import pytest
 
 from estimators.errors import LogError
 from replay import TimeAxis, open_log
+from tests.one_line import assert_one_line
 from tests.replay.readers.one_line import one_line_at_most
 
 SAMPLES = pl.DataFrame(
@@ -174,7 +175,7 @@ def test_a_torn_parquet_file_is_one_line(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(LogError, match="not a parquet table") as caught:
         open_log(path)
-    assert "\n" not in str(caught.value)
+    assert_one_line(caught.value)
 
 
 def test_a_table_that_was_closed_says_so_as_every_log_does(table: Path) -> None:
