@@ -6,12 +6,12 @@ from typing import Any, Final
 import polars as pl
 from rosbags.serde import SerdeError
 
-from replay.decoding.batch import RawBatch
 from replay.decoding.decoder import Decoded, Submit, schema_of
-from replay.decoding.library import Library
-from replay.readers.container import BROKEN_BYTES
-from replay.readers.fields import ALL, Field, Step
-from replay.readers.message_types import MessageType
+from replay.messages.batch import RawBatch
+from replay.messages.broken import BROKEN_BYTES
+from replay.messages.fields import ALL, Field, Step
+from replay.messages.library import Library
+from replay.messages.types import MessageType
 
 
 def _text(value: Any) -> str:

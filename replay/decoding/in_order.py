@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 import polars as pl
 
-from replay.decoding.batch import RawBatch
+from replay.messages.batch import RawBatch
 
 TIME = "log_time_ns"
 

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from replay.decoding.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.decoding.decoder import Decoded, Decoder, Submit, Tally, at_once
 from replay.decoding.gather import runs
 from replay.decoding.in_order import joined_frames, sorted_batch
+from replay.messages.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
 _FEW_ROWS: Final = 2048

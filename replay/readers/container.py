@@ -1,31 +1,15 @@
 """A container: the part of a log that holds raw messages and knows nothing of their types."""
 
-import struct
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import Loss
-from replay.decoding.batch import RawBatch
-
-#: What the format libraries raise on bytes that are not what they should be, their own errors
-#: aside (lz4 raises RuntimeError, bz2 OSError and EOFError, rosbags asserts).
-BROKEN_BYTES: Final = (
-    ArithmeticError,
-    AssertionError,
-    EOFError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    TypeError,
-    ValueError,
-    struct.error,
-)
+from replay.messages.batch import RawBatch
 
 
 @dataclass(frozen=True, slots=True)

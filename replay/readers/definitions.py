@@ -22,8 +22,8 @@ from rosbags.typesys import (
 from rosbags.typesys.store import Typestore
 
 from estimators.errors import one_line
-from replay.readers.container import BROKEN_BYTES, Connection
-from replay.readers.message_types import (
+from replay.messages.broken import BROKEN_BYTES
+from replay.messages.types import (
     COLUMN_DTYPES,
     STAMP_TYPES,
     FieldType,
@@ -32,6 +32,7 @@ from replay.readers.message_types import (
     Record,
     Scalar,
 )
+from replay.readers.container import Connection
 
 #: Releases whose bags carry no definitions, newest first, then the newest one for later types.
 _RELEASES: Final = (

@@ -3,8 +3,8 @@
 import json
 from typing import Any, Final
 
-from replay.decoding.library import Library, int64
-from replay.readers.message_types import FieldType, ListOf, MessageType, Record, Scalar
+from replay.messages.library import Library, int64
+from replay.messages.types import FieldType, ListOf, MessageType, Record, Scalar
 
 _KINDS: Final = {
     "number": "float64",

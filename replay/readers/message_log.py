@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.decoding.batch import RawBatch
-from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
+from replay.decoding.decoder import Tally, schema_of
+from replay.decoding.factory import decoder_name, make_decoder
+from replay.messages.batch import RawBatch
+from replay.messages.fields import Field, FieldError, resolve
+from replay.messages.types import MessageType, leaves
 from replay.readers.base_log import BaseLog
 from replay.readers.container import Connection, Container, LossList, no_times
 from replay.readers.definitions import DefinitionError, compile_type
-from replay.readers.fields import Field, FieldError, resolve
-from replay.readers.message_types import MessageType, leaves
 from replay.readers.protocol import Checked
 from replay.readers.topics import TOPICS_SCHEMA, timing
 

@@ -8,7 +8,7 @@ import polars as pl
 import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
-from replay.readers.container import BROKEN_BYTES
+from replay.messages.broken import BROKEN_BYTES
 
 
 class ParquetColumns:

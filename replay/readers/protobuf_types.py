@@ -8,8 +8,8 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError
 from google.protobuf.message_factory import GetMessageClass
 
-from replay.decoding.library import Library, int64
-from replay.readers.message_types import FieldType, ListOf, MessageType, Record, Scalar
+from replay.messages.library import Library, int64
+from replay.messages.types import FieldType, ListOf, MessageType, Record, Scalar
 
 _KINDS: Final = {
     FieldDescriptor.CPPTYPE_DOUBLE: "float64",

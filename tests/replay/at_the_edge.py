@@ -18,17 +18,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from replay.decoding.batch import RawBatch
 from replay.decoding.plan import Plan
 from replay.decoding.unaligned import load64
+from replay.messages.batch import RawBatch
+from replay.messages.fields import resolve
+from replay.messages.types import Record, Scalar
 from replay.readers.containers import bag_grammar, mcap_grammar
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.records import Grammar, Rows
 from replay.readers.containers.sqlite_leaves import _children
 from replay.readers.containers.sqlite_pages import LEAF, Wanted, page_layout
 from replay.readers.containers.sqlite_scan import scan_leaves
-from replay.readers.fields import resolve
-from replay.readers.message_types import Record, Scalar
 from tests.replay.decoding.random_types import Sample, Types, types
 from tests.replay.decoding.test_equality import fields_of
 from tests.replay.guarded import Guarded

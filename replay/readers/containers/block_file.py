@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import Loss
-from replay.decoding.batch import RawBatch
+from replay.messages.batch import RawBatch
 from replay.readers.container import Connection
 from replay.readers.containers.block import Block
 from replay.readers.containers.block_store import BlockStore

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.decoding.batch import RawBatch
+from replay.messages.batch import RawBatch
 from replay.readers.container import no_times
 from replay.readers.containers.block import Block
 from replay.readers.containers.by_connection import by_connection

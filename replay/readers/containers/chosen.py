@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from replay.decoding.batch import RawBatch
+from replay.messages.batch import RawBatch
 from replay.readers.containers.places import places_of
 from replay.readers.containers.records import KEY, LENGTH, OFFSET, TIME
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError
-from replay.decoding.batch import RawBatch
+from replay.messages.batch import RawBatch
 from replay.readers.container import Connection, no_times
 from replay.readers.containers.by_connection import by_connection
 from replay.readers.containers.damage import Damage

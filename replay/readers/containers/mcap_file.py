@@ -8,7 +8,8 @@ from mcap.records import Channel, Schema
 from rosbags.typesys.msg import normalize_msgtype
 
 from estimators.errors import LogError
-from replay.readers.container import BROKEN_BYTES, Connection
+from replay.messages.broken import BROKEN_BYTES
+from replay.readers.container import Connection
 from replay.readers.containers.block import Block
 from replay.readers.containers.block_file import BlockFile
 from replay.readers.containers.damage import torn_end, until

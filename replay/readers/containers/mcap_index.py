@@ -12,7 +12,7 @@ from mcap.records import Channel, ChunkIndex, McapRecord, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
-from replay.readers.container import BROKEN_BYTES
+from replay.messages.broken import BROKEN_BYTES
 from replay.readers.containers.block import Block
 from replay.readers.containers.file_bytes import FileBytes
 from replay.readers.containers.mcap_records import (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError
-from replay.decoding.batch import RawBatch
+from replay.messages.batch import RawBatch
 from replay.readers.container import Connection, Container, LossList, no_times
 from replay.readers.containers.ahead import ahead
 from replay.readers.containers.db3_file import Db3File

@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from estimators.errors import LogError
-from replay.readers.container import BROKEN_BYTES
+from replay.messages.broken import BROKEN_BYTES
 
 METADATA: Final = "metadata.yaml"
 #: A thousand topics take less.

@@ -7,7 +7,7 @@ from typing import Final
 
 import zstandard
 
-from replay.decoding.batch import RawBatch, joined
+from replay.messages.batch import RawBatch, joined
 from replay.readers.containers.block import LARGEST_BYTES
 from replay.readers.containers.read_ahead import SLAB_BYTES
 

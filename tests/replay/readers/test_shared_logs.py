@@ -14,14 +14,14 @@ from rosbags.typesys import Stores, get_typestore
 
 from estimators.errors import LogError
 from replay import open_log
-from replay.decoding.batch import joined
 from replay.decoding.fallback import MessageByMessage
+from replay.messages.batch import joined
+from replay.messages.fields import resolve
 from replay.readers import Log
 from replay.readers.containers.bag_file import BagFile
 from replay.readers.containers.db3_file import Db3File
 from replay.readers.containers.mcap_file import McapFile
 from replay.readers.containers.rosbag2_directory import Rosbag2Directory
-from replay.readers.fields import resolve
 from replay.readers.message_log import MessageLog
 from tests.replay.decoding.random_types import every_field
 from tests.replay.decoding.test_equality import same

@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from estimators.errors import nearest
-from replay.readers.message_types import (
+from replay.messages.types import (
     COLUMN_DTYPES,
     ELEMENT_DTYPES,
     ListOf,

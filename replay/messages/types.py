@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import polars as pl
 
-from replay.decoding.library import ROSBAGS, Library
+from replay.messages.library import ROSBAGS, Library
 
 STAMP_TYPES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 HEADER_TYPE: Final = "std_msgs/msg/Header"
