@@ -17,7 +17,7 @@ from analysis.stamps import place
 from analysis.trace import trace
 from analysis.verdict import can_weigh, tells_inertia, verdict
 from replay.inputs import named_by_topic, provenance, read_channels
-from replay.readers.protocol import Log
+from replay.readers import Log
 
 
 def run(

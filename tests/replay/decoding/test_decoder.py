@@ -12,12 +12,13 @@ from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
 from replay import open_log
+from replay.commands.info import show
 from replay.decoding.decoder import schema_of
 from replay.decoding.factory import decoder_name, make_decoder
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
 from replay.decoding.stream import Stream, take_all
-from replay.info import describe, show
+from replay.info import describe
 from replay.messages.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.messages.fields import resolve
 from replay.messages.types import leaves
