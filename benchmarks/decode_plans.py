@@ -20,8 +20,8 @@ from replay.decoding.plan import Plan
 from replay.messages.batch import RawBatch, joined
 from replay.messages.fields import resolve
 from replay.messages.types import leaves
-from replay.readers.container import Connection
 from replay.readers.definitions import compile_type
+from replay.readers.storage.container import Connection
 
 TOPICS: Final = (
     "sensor_msgs/msg/Imu",

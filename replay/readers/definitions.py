@@ -32,7 +32,7 @@ from replay.messages.types import (
     Record,
     Scalar,
 )
-from replay.readers.container import Connection
+from replay.readers.storage import Connection
 
 #: Releases whose bags carry no definitions, newest first, then the newest one for later types.
 _RELEASES: Final = (

@@ -12,22 +12,22 @@ from replay.readers.log import Log, TimeAxis
 
 
 def _open_bag(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
-    from replay.readers.containers.bag_file import BagFile
+    from replay.readers.bag import BagFile
     from replay.readers.message_log import MessageLog
 
     return MessageLog(path, "ROS 1 bag", BagFile)
 
 
 def _open_mcap(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
-    from replay.readers.containers.mcap_file import McapFile
+    from replay.readers.mcap import McapFile
     from replay.readers.message_log import MessageLog
 
     return MessageLog(path, "MCAP", McapFile)
 
 
 def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
-    from replay.readers.containers.db3_file import Db3File
     from replay.readers.message_log import MessageLog
+    from replay.readers.sqlite import Db3File
 
     return MessageLog(path, "rosbag2 SQLite", Db3File)
 
@@ -39,9 +39,8 @@ def _open_table(path: Path, time: TimeAxis | None) -> Log:
 
 
 def _open_directory(path: Path) -> Log:
-    from replay.readers.containers.rosbag2_directory import Rosbag2Directory, storage_files
-    from replay.readers.containers.rosbag2_metadata import METADATA
     from replay.readers.message_log import MessageLog
+    from replay.readers.rosbag2 import METADATA, Rosbag2Directory, storage_files
 
     if not (path / METADATA).exists() and not storage_files(path):
         logs = sorted(p.name for p in path.iterdir() if p.suffix.lower() in OPENERS)

@@ -17,9 +17,9 @@ from replay.decoding.factory import decoder_name, make_decoder
 from replay.messages.batch import RawBatch
 from replay.messages.fields import Field, FieldError, resolve
 from replay.messages.types import MessageType, leaves
-from replay.readers.container import Connection, Container, LossList, no_times
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.log import Checked, Log
+from replay.readers.storage import Connection, Container, LossList, no_times
 
 if TYPE_CHECKING:
     from replay.decoding.stream import Stream
@@ -161,8 +161,8 @@ class MessageLog(Log):
                     message_bytes += int(batch.lengths.sum())
                 yield [batch for batch in group if topics[batch.connection_id] in streams]
 
-        by_connection = {key: streams[t] for key, t in topics.items() if t in streams}
-        self._take_all(counted(), by_connection)
+        group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
+        self._take_all(counted(), group_by_key)
         for topic, stream in streams.items():
             stream.finish()
             self._note(topic, stream.tally)

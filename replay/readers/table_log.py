@@ -11,9 +11,9 @@ from polars.exceptions import PolarsError
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.readers.container import LossList
 from replay.readers.csv_table import CsvColumns
 from replay.readers.log import Checked, Log, TimeAxis
+from replay.readers.storage import LossList
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from rosbags.typesys.store import Typestore
 from replay.messages.batch import RawBatch, joined
 from replay.messages.fields import ALL
 from replay.messages.types import FieldType, ListOf, MessageType, Record
-from replay.readers.container import Connection
 from replay.readers.definitions import compile_type
+from replay.readers.storage.container import Connection
 
 #: with the codes of `struct`
 NUMBERS = {

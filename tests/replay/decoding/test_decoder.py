@@ -22,8 +22,8 @@ from replay.info import describe
 from replay.messages.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 from replay.messages.fields import resolve
 from replay.messages.types import leaves
-from replay.readers.container import Connection
 from replay.readers.definitions import compile_type
+from replay.readers.storage.container import Connection
 from tests.replay.decoding.random_types import batch_of, encode, random_message
 from tests.replay.decoding.test_equality import same
 

@@ -3,8 +3,8 @@
 import pytest
 
 from replay.messages.types import ListOf, Record, Scalar
-from replay.readers.container import Connection
 from replay.readers.definitions import DefinitionError, compile_type
+from replay.readers.storage.container import Connection
 
 RULE = "=" * 80
 
