@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import polars as pl
-from polars.exceptions import PolarsError
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
+from replay.messages.broken import BrokenBytesError
 from replay.readers.csv_table import CsvColumns
 from replay.readers.log import Checked, Log, TimeAxis
 from replay.readers.storage import LossList
@@ -24,7 +24,6 @@ _FORMATS: Final = {"csv": "CSV table", "parquet": "Parquet table"}
 #: Columns that an error names.
 _NAMED: Final = 20
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
-_FAULTS: Final = (PolarsError, OSError)
 
 
 class TableLog(Log):
@@ -36,8 +35,8 @@ class TableLog(Log):
         self._losses = LossList()
         try:
             self._columns = self._open()
-        except _FAULTS as error:
-            raise LogError(f"{path}: not a {self._suffix} table: {_line(error)}") from error
+        except BrokenBytesError as error:
+            raise LogError(f"{path}: not a {self._suffix} table: {error}") from error
         self._axis = self._find_axis(time)
 
     @property
@@ -101,9 +100,8 @@ class TableLog(Log):
     def _column(self, name: str) -> pl.Series:
         try:
             return self._columns.read(name)
-        except _FAULTS as error:
-            fault = _line(error)
-            raise LogError(f"{self.path}: column '{name}' cannot be read: {fault}") from error
+        except BrokenBytesError as error:
+            raise LogError(f"{self.path}: column '{name}' cannot be read: {error}") from error
 
     def _fields(self) -> list[str]:
         return [name for name in self._columns.names if name and name not in _STAMPS]
@@ -202,8 +200,3 @@ class TableLog(Log):
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""
         return tuple(self._losses)
-
-
-def _line(error: BaseException) -> str:
-    """The first line of a message that polars spreads over several."""
-    return str(error).strip().partition("\n")[0]

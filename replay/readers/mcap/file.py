@@ -129,17 +129,16 @@ class McapFile(BlockFile):
         """Keep a channel or a schema, the first of each number; the summary's counts as first."""
         stream = ReadDataStream(BytesIO(content))
         try:
-            if op == CHANNEL:
-                channel = Channel.read(stream)
-                if at < self._channels_at.get(channel.id, self._file.size):
-                    self._channels[channel.id], self._channels_at[channel.id] = channel, at
-            else:
-                schema = Schema.read(stream)
-                if at < self._schemas_at.get(schema.id, self._file.size):
-                    self._schemas[schema.id], self._schemas_at[schema.id] = schema, at
+            record = Channel.read(stream) if op == CHANNEL else Schema.read(stream)
         except (McapError, *BROKEN_BYTES) as error:
             kind = "channel" if op == CHANNEL else "schema"
             self._store.damage.note(f"the record of a {kind} is damaged: {error}")
+            return
+        if isinstance(record, Channel):
+            if at < self._channels_at.get(record.id, self._file.size):
+                self._channels[record.id], self._channels_at[record.id] = record, at
+        elif at < self._schemas_at.get(record.id, self._file.size):
+            self._schemas[record.id], self._schemas_at[record.id] = record, at
 
 
 def _connection(channel: Channel, schema: Schema | None) -> Connection:

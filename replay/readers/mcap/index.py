@@ -1,14 +1,14 @@
 """The index of an MCAP file: the summary at its end, and the message indexes behind each chunk."""
 
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from io import BytesIO
 from struct import Struct
 from typing import Final
 
 import numpy as np
 from mcap.exceptions import McapError
-from mcap.records import Channel, ChunkIndex, McapRecord, Schema, Statistics
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
@@ -40,10 +40,14 @@ class Summary:
         #: whether it has a CRC, which agrees
         self.is_sealed = False
         try:
-            records = list(self._records(file))
+            section = self._section(file)
         except SummaryError as fault:
             self.fault = str(fault)
             return
+        stream = BytesIO(section + MAGIC)
+        reader = StreamReader(stream, skip_magic=True, record_size_limit=len(section))
+        try:
+            records = list(reader.records) if section else []
         except (McapError, *BROKEN_BYTES) as fault:
             self.fault = f"its summary cannot be read ({' '.join(str(fault).split())})"
             return
@@ -57,21 +61,21 @@ class Summary:
             elif isinstance(record, Statistics):
                 self.message_count = record.message_count
 
-    def _records(self, file: FileBytes) -> Iterator[McapRecord]:
+    def _section(self, file: FileBytes) -> bytes:
+        """The bytes from the summary up to the magic; none where there is no summary."""
         end = file.size - len(MAGIC)
         footer = file.read(end - _FOOTER.size, _FOOTER.size)
         if len(footer) < _FOOTER.size or footer[0] != FOOTER or file.read(end, len(MAGIC)) != MAGIC:
             raise SummaryError("does not end with a footer and the MCAP magic")
         _, _, start, _, crc = _FOOTER.unpack(footer)
         if not start:
-            return
+            return b""
         section = file.read(start, end - start)
         # 0 says that the writer computed none; it covers all but itself
         if crc and zlib.crc32(section[:-4]) != crc:
             raise SummaryError("the CRC of its summary is wrong")
         self.is_sealed = crc != 0
-        stream = BytesIO(section + MAGIC)
-        yield from StreamReader(stream, skip_magic=True, record_size_limit=len(section)).records
+        return section
 
 
 def damaged_block(chunk: ChunkIndex) -> Block:

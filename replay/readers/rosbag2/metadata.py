@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from estimators.errors import LogError
-from replay.messages.broken import BROKEN_BYTES
+from replay.messages.broken import BROKEN_BYTES, BrokenBytesError
 
 METADATA: Final = "metadata.yaml"
 #: A thousand topics take less.
@@ -55,53 +55,101 @@ def read_metadata(folder: Path) -> Metadata:
     if path.stat().st_size > _LARGEST_BYTES:
         raise MetadataError(f"it has more than {_LARGEST_BYTES:,} bytes")
     try:
-        content = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
-        return _parse(content["rosbag2_bagfile_information"], folder)
+        return _parse(_load(path), folder)
+    except BrokenBytesError as error:
+        raise MetadataError(str(error)) from error
+
+
+def _load(path: Path) -> Any:
+    """What the file holds.
+
+    Raises:
+        BrokenBytesError: it is no YAML, or cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeError as error:
+        raise BrokenBytesError("it is no UTF-8 text") from error
+    except OSError as error:
+        raise BrokenBytesError(error.strerror or error) from error
+    try:
+        return YAML(typ="safe").load(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = "" if mark is None else f" in line {mark.line + 1}"
-        raise MetadataError(f"{error.problem or error.context}{where}") from error
+        raise BrokenBytesError(f"{error.problem or error.context}{where}") from error
     except RecursionError as error:
-        raise MetadataError("it is nested too deeply") from error
-    except UnicodeError as error:
-        raise MetadataError("it is no UTF-8 text") from error
-    except KeyError as error:
-        raise MetadataError(f"it has no {error.args[0]}") from error
-    except OSError as error:
-        raise MetadataError(error.strerror or str(error)) from error
+        raise BrokenBytesError("it is nested too deeply") from error
     except (YAMLError, AttributeError, *BROKEN_BYTES) as error:
-        raise MetadataError("it is not laid out as rosbag2 does") from error
+        raise _other_layout() from error
 
 
-def _parse(information: dict[str, Any], folder: Path) -> Metadata:
+def _other_layout() -> BrokenBytesError:
+    return BrokenBytesError("it is not laid out as rosbag2 does")
+
+
+def _parse(content: Any, folder: Path) -> Metadata:
+    information = _value(content, "rosbag2_bagfile_information")
+    if not isinstance(information, dict):
+        raise _other_layout()
     messages = information.get("message_count")
     mode = _text(information.get("compression_mode") or "none").lower()
     fmt = _text(information.get("compression_format") or "zstd")
     if mode != "none" and fmt != "zstd":
         raise LogError(f"{folder}: compressed with {fmt}; only zstd can be read")
     return Metadata(
-        tuple(_inside(_text(name), folder) for name in information["relative_file_paths"]),
+        tuple(
+            _inside(_text(name), folder)
+            for name in _list(_value(information, "relative_file_paths"))
+        ),
         mode == "message",
-        tuple(_announced(entry) for entry in information["topics_with_message_count"]),
-        None if messages is None else int(messages),
+        tuple(
+            _announced(entry) for entry in _list(_value(information, "topics_with_message_count"))
+        ),
+        None if messages is None else _count(messages),
     )
 
 
-def _announced(entry: dict[str, Any]) -> AnnouncedTopic:
-    topic = entry["topic_metadata"]
+def _announced(entry: Any) -> AnnouncedTopic:
+    topic = _value(entry, "topic_metadata")
     return AnnouncedTopic(
-        _text(topic["name"]),
-        _text(topic["type"]),
-        _text(topic["serialization_format"]),
-        int(entry["message_count"]),
+        _text(_value(topic, "name")),
+        _text(_value(topic, "type")),
+        _text(_value(topic, "serialization_format")),
+        _count(_value(entry, "message_count")),
     )
+
+
+def _value(mapping: Any, key: str) -> Any:
+    if not isinstance(mapping, dict):
+        raise _other_layout()
+    if key not in mapping:
+        raise BrokenBytesError(f"it has no {key}")
+    return mapping[key]
+
+
+def _list(value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise _other_layout()
+    return value
+
+
+def _count(value: Any) -> int:
+    """A number of messages: YAML also knows numbers in quotes, and numbers without end."""
+    try:
+        return int(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise _other_layout() from error
 
 
 def _text(value: Any) -> str:
     """A value that is text: YAML also knows lists of lists of lists, and half characters."""
     if not isinstance(value, str):
-        raise TypeError(f"{type(value).__name__} in the place of a text")
-    value.encode()
+        raise _other_layout()
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise BrokenBytesError("it is no UTF-8 text") from error
     return value
 
 

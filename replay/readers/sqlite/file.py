@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from analysis.run import Loss
 from estimators.errors import LogError
 from replay.messages.batch import RawBatch
+from replay.messages.broken import BrokenBytesError
 from replay.readers.sqlite.pages import HEADER_BYTES, MAGIC
-from replay.readers.sqlite.query import FAULTS
+from replay.readers.sqlite.query import fetch_all
 from replay.readers.sqlite.table import MessageTable
 from replay.readers.sqlite.tear import describe_tear, unclosed_bytes
 from replay.readers.storage import (
@@ -55,38 +56,39 @@ class Db3File:
             try:
                 self.connections: tuple[Connection, ...] = self._connections()
                 self._table = MessageTable(self._database, file, self._damage.note)
-            except FAULTS as error:
-                reason = " ".join(str(error).split())
+            except BrokenBytesError as error:
                 raise LogError(
-                    f"{path}: not readable as a rosbag2 database ({reason}); "
+                    f"{path}: not readable as a rosbag2 database ({error}); "
                     "it should have the tables 'topics' and 'messages'"
                 ) from error
             self._opened = opened.pop_all()
 
     def _connections(self) -> tuple[Connection, ...]:
-        found = self._database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        found = fetch_all(self._database, "SELECT name FROM sqlite_master WHERE type = 'table'")
         tables = {name for (name,) in found}
         if not tables >= {"topics", "messages"}:
-            raise sqlite3.DatabaseError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
+            raise BrokenBytesError(f"it has {', '.join(sorted(tables)) or 'no tables'}")
         definitions: dict[str, tuple[str, str]] = {}
         if "message_definitions" in tables:
             definitions = {
                 name: (text, encoding)
-                for name, text, encoding in self._database.execute(
+                for name, text, encoding in fetch_all(
+                    self._database,
                     "SELECT topic_type, encoded_message_definition, encoding"
                     " FROM message_definitions WHERE typeof(encoded_message_definition) = 'text'"
-                    " AND typeof(encoding) = 'text'"
+                    " AND typeof(encoding) = 'text'",
                 )
             }
-        topics = self._database.execute(
+        topics = fetch_all(
+            self._database,
             "SELECT id, name, type, serialization_format,"
             " typeof(id) = 'integer' AND typeof(name) = 'text' AND typeof(type) = 'text'"
-            " AND typeof(serialization_format) = 'text' FROM topics ORDER BY id"
-        ).fetchall()
+            " AND typeof(serialization_format) = 'text' FROM topics ORDER BY id",
+        )
         whole = [row for *row, is_topic in topics if is_topic]
         if len(whole) < len(topics):
             self._damage.note(f"{len(topics) - len(whole):,} of its topics are damaged")
-        if not whole and self._database.execute("SELECT 1 FROM messages LIMIT 1").fetchone():
+        if not whole and fetch_all(self._database, "SELECT 1 FROM messages LIMIT 1"):
             self._damage.note("it holds messages and no topic that they are of")
         return tuple(
             Connection(key, str(topic), str(kind), str(encoding), *definitions.get(kind, ("", "")))
@@ -135,8 +137,8 @@ class Db3File:
     def check(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""
         try:
-            (answer,) = self._database.execute("PRAGMA quick_check(1)").fetchone()
-        except FAULTS as error:
+            ((answer,),) = fetch_all(self._database, "PRAGMA quick_check(1)")
+        except BrokenBytesError as error:
             answer = str(error)
         if answer != "ok" and not self._damage:
             self._damage.note(f"the database is damaged ({' '.join(answer.split())})")

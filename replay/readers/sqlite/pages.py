@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.readers.sqlite.query import fetch_all
 from replay.readers.storage import FileBytes
 
 MAGIC: Final = b"SQLite format 3\x00"
@@ -61,7 +62,7 @@ def page_layout(file: FileBytes, database: sqlite3.Connection) -> PageLayout | N
     """The layout of table `messages`, None where SQLite has to read it.
 
     Raises:
-        sqlite3.Error: SQLite cannot read its own tables.
+        BrokenBytesError: SQLite cannot read its own tables.
     """
     head = file.read(0, HEADER_BYTES)
     if len(head) < HEADER_BYTES or _is_unfinished(file.path):
@@ -96,11 +97,11 @@ def _is_unfinished(path: Path) -> bool:
 
 def _record(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | None:
     """The root of table `messages`, its columns, and where topic, time and message stand."""
-    found = database.execute(
-        "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
-    ).fetchone()
-    columns = database.execute("PRAGMA table_xinfo(messages)").fetchall()
-    if found is None or type(found[0]) is not int:
+    found = fetch_all(
+        database, "SELECT rootpage FROM sqlite_master WHERE type = 'table' AND name = 'messages'"
+    )
+    columns = fetch_all(database, "PRAGMA table_xinfo(messages)")
+    if not found or type(found[0][0]) is not int:
         return None
     names = [str(name).lower() for _, name, *_ in columns]
     # a column that is the key stands where ids do
@@ -110,4 +111,4 @@ def _record(database: sqlite3.Connection) -> tuple[int, int, int, int, int] | No
     is_computed = any(is_hidden for *_, is_hidden in columns)
     if not are_integers or _DATA not in kinds or is_computed or "rowid" in names:
         return None
-    return found[0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)
+    return found[0][0], len(names), names.index(_TOPIC), names.index(_TIME), names.index(_DATA)

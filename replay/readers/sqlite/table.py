@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from replay.readers.sqlite.pages import PageLayout, RowFilter, page_layout
-from replay.readers.sqlite.query import LEAST_ID, Row, TableRows, read_rows
+from replay.readers.sqlite.query import LEAST_ID, Row, TableRows, read_rows, sqlite_call
 from replay.readers.storage import KEY, LENGTH, OFFSET, TIME, FileBytes, prefetch
 
 _TIMES: Final = "SELECT rowid, topic_id, timestamp FROM messages WHERE rowid > ? ORDER BY rowid"
@@ -18,11 +18,15 @@ _LEAST_NS: Final = -(2**63)
 _MOST_NS: Final = 2**63 - 1
 
 
+class _NoMessageError(Exception):
+    """A row has values of other types than a message."""
+
+
 class MessageTable:
     """Rows of the table in the order of their ids.
 
     Raises:
-        sqlite3.Error: it has other columns, or SQLite cannot read its own tables.
+        BrokenBytesError: it has other columns, or SQLite cannot read its own tables.
     """
 
     def __init__(
@@ -35,7 +39,8 @@ class MessageTable:
             file: the same.
             note: told what was lost, a sentence a damaged place.
         """
-        database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
+        with sqlite_call():
+            database.execute(f"{_MESSAGES} LIMIT 0", (0,)).close()
         self._database = database
         self._file = file
         self._note = note
@@ -83,7 +88,7 @@ class MessageTable:
         for rows in read_rows(self._database, query, after, note, has_blob=has_blob):
             try:
                 found = _columns(rows, has_blob=has_blob)
-            except (TypeError, ValueError, OverflowError):  # SQLite asks nobody for types
+            except _NoMessageError:  # SQLite asks nobody for types
                 whole = [row for row in rows if _is_message(row)]
                 lost = len(rows) - len(whole)
                 note(f"{lost:,} rows from row {rows[0][0]} on hold no message")
@@ -98,12 +103,12 @@ class MessageTable:
 def _columns(rows: list[Row], *, has_blob: bool) -> TableRows:
     messages = [row[3] for row in rows] if has_blob else []
     if {*map(type, messages)} - {bytes}:
-        raise TypeError("a message that is no blob")
+        raise _NoMessageError("a message that is no blob")
     columns = np.zeros((4, len(rows)), np.int64)
     for column, place in ((KEY, 1), (TIME, 2)):
         numbers = np.array([row[place] for row in rows])
         if rows and numbers.dtype != np.int64:
-            raise TypeError("a number that is no integer")
+            raise _NoMessageError("a number that is no integer")
         columns[column] = numbers
     if has_blob:
         columns[LENGTH] = [len(message) for message in messages]
