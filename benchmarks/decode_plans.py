@@ -16,12 +16,12 @@ from typing import Any, Final
 import numpy as np
 from decode_log import CUSTOM_TYPE, store, value
 
-from replay.decoding.batch import RawBatch, joined
 from replay.decoding.plan import Plan
-from replay.readers.container import Connection
+from replay.messages.batch import RawBatch, joined
+from replay.messages.fields import resolve
+from replay.messages.types import leaves
 from replay.readers.definitions import compile_type
-from replay.readers.fields import resolve
-from replay.readers.message_types import leaves
+from replay.readers.storage.container import Connection
 
 TOPICS: Final = (
     "sensor_msgs/msg/Imu",

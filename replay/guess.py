@@ -12,7 +12,7 @@ from typing import Any
 import polars as pl
 
 from analysis.schema import CHANNEL_COLUMNS
-from replay.readers.protocol import Log, TimeAxis
+from replay.readers import Log, TimeAxis
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 

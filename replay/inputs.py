@@ -13,7 +13,7 @@ from analysis.machine import Machine
 from analysis.run import InputFile, Loss, Provenance
 from analysis.schema import HINTS
 from estimators.errors import LogError, nearest
-from replay.readers.protocol import Log
+from replay.readers import Log
 
 #: Logs of one time line may reach into each other by no more, as parts of a split recording do.
 _OVERLAP_NS = 1_000_000_000

@@ -7,7 +7,7 @@ from analysis.machine import Machine
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.units import to_si
 from estimators.errors import MachineError
-from replay.readers.protocol import TimeAxis
+from replay.readers import TimeAxis
 from replay.toml_file import read_toml, set_value, validate
 
 _SHIPPED = Path(__file__).parent / "machines"

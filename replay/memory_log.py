@@ -9,18 +9,18 @@ from analysis.machine import Channel, Machine
 from analysis.run import Loss
 from analysis.simulation import SimulatedLog
 from estimators.errors import LogError, nearest
-from replay.readers.base_log import BaseLog
-from replay.readers.protocol import Checked
+from replay.readers import Checked, Log
 
 _STAMPS = ("log_time_ns", "header_stamp_ns")
+_FORMAT = "simulation in memory"
 
 
-class MemoryLog(BaseLog):
+class MemoryLog(Log):
     """The topics of a simulation as a log: fields are named as the machine file's channels."""
 
     def __init__(self, simulated: SimulatedLog) -> None:
         # a name for messages; there is no file
-        super().__init__(Path(f"simulated_{simulated.load_kg:g}kg"))
+        super().__init__(Path(f"simulated_{simulated.load_kg:g}kg"), _FORMAT)
         self._frames = simulated.topics
 
     @property
@@ -29,17 +29,20 @@ class MemoryLog(BaseLog):
         return ()
 
     def topics(self) -> pl.DataFrame:
-        """The topics and their counts."""
-        return pl.DataFrame(
+        """The simulated topics; see `Log.topics`. Nothing is decoded."""
+        rows = [
             {
-                "topic": list(self._frames),
-                "messages": [frame.height for frame in self._frames.values()],
-                "fields": [
-                    [name for name in frame.columns if name not in _STAMPS]
-                    for frame in self._frames.values()
-                ],
+                "topic": topic,
+                "type": _FORMAT,
+                "encoding": "columns",
+                **self._timing(frame["log_time_ns"].to_numpy()),
+                "fields": [name for name in frame.columns if name not in _STAMPS],
+                "problem": None,
+                "decoder": "columnar",
             }
-        )
+            for topic, frame in self._frames.items()
+        ]
+        return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
     def _read_many(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None

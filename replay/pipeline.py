@@ -19,7 +19,7 @@ from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
 from replay.inputs import named_by_topic, provenance, read_channels
-from replay.readers.protocol import Log
+from replay.readers import Log
 
 #: What `on_stage` is told, in order.
 STAGES: Final = (

@@ -6,15 +6,14 @@ from pathlib import Path
 import polars as pl
 
 from analysis.run import Loss
-from replay.readers.base_log import BaseLog
-from replay.readers.protocol import Checked, Log
+from replay.readers import Checked, Log
 
 
-class ReadOnce(BaseLog):
+class ReadOnce(Log):
     """Another log, with what was read of it kept; leaving this one leaves that one open."""
 
     def __init__(self, log: Log) -> None:
-        super().__init__(log.path)
+        super().__init__(log.path, log.format)
         self._log = log
         self._topics: pl.DataFrame | None = None
         self._kept: dict[tuple[str, tuple[str, ...], int | None, int | None], pl.DataFrame] = {}

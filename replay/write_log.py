@@ -8,14 +8,14 @@ from typing import Any, Final
 from analysis.simulation import SimulatedLog
 from estimators.errors import OutputError
 from recordings.output import staged
-from replay.writers import csv, mcap, rosbag1, rosbag2
+from replay.writers.formats import write_bag, write_csv, write_mcap, write_rosbag2
 
 #: A rosbag2 directory has no suffix.
 WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {
-    ".bag": rosbag1.write,
-    ".mcap": mcap.write,
-    ".csv": csv.write,
-    "": rosbag2.write,
+    ".bag": write_bag,
+    ".mcap": write_mcap,
+    ".csv": write_csv,
+    "": write_rosbag2,
 }
 
 

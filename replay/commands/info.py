@@ -1,10 +1,20 @@
 """`payscope info`: what is in a log."""
 
+from collections.abc import Iterator
 from contextlib import nullcontext
+from datetime import datetime, tzinfo
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from replay.info import LogInfo
+
+_NO_CRC: Final = "no CRC to compare"
 
 
 def command(
@@ -30,7 +40,7 @@ def command(
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
     from replay.commands.table_time import time_axis_of
-    from replay.info import describe, show
+    from replay.info import describe
     from replay.readers import open_log
 
     try:
@@ -68,3 +78,107 @@ def command(
         raise faults[-1]
     if not is_whole:
         raise typer.Exit(1)
+
+
+def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
+    """Print a log's description, its start in local time of `zone`."""
+    from replay.commands.printing import print_line, print_table
+
+    for line in _head(info, zone):
+        print_line(screen, line)
+    print_table(screen, _topic_table(info))
+    for mark, line in _verdict(info):
+        print_line(screen, line, mark)
+    for line in _troubles(info):
+        print_line(screen, line, "[yellow]![/] ")
+
+
+def _head(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
+    from estimators.errors import counted
+
+    yield f"{info.path}: {info.format}, {info.size_bytes / 1e6:,.3f} MB"
+    if info.start_ns is None or info.duration_s is None:
+        yield "no messages"
+        return
+    count = counted(info.messages, "message")
+    yield f"from {_when(info.start_ns, zone)}, {info.duration_s:,.3f} s, {count}"
+
+
+def _verdict(info: "LogInfo") -> Iterator[tuple[str, str]]:
+    """What a check found, in a line (mark and text) that no log has which was not checked."""
+    from estimators.errors import counted
+
+    if info.checked is None:
+        return
+    found, done = (
+        ("[green]checked and whole[/]", "decoded")
+        if info.is_whole
+        else ("[red]checked and not whole[/]", "read")
+    )
+    agree = "agrees" if info.checked.crcs == 1 else "agree"
+    crcs = f"{counted(info.checked.crcs, 'CRC')} {agree}" if info.checked.crcs else _NO_CRC
+    yield (
+        found,
+        f": {counted(info.checked.messages, 'message')} "
+        f"({info.checked.message_bytes / 1e6:,.3f} MB) {done}, {crcs}, in {info.check_s:.2f} s",
+    )
+
+
+def _when(stamp_ns: int, zone: tzinfo) -> str:
+    from analysis.stamps import FIRST_DATE_NS
+
+    seconds = f"{stamp_ns / 1e9:.3f} s"
+    if stamp_ns < FIRST_DATE_NS:
+        return f"{seconds} of the log's own clock"
+    local = datetime.fromtimestamp(stamp_ns // 10**9, zone)
+    return f"{local:%Y-%m-%d %H:%M:%S %Z} ({seconds})"
+
+
+def _topic_table(info: "LogInfo") -> "Table":
+    from rich.markup import escape
+    from rich.table import Table
+
+    from estimators.errors import one_line
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("topic", overflow="fold")
+    table.add_column("type", overflow="fold")
+    for title in ("messages", "from s", "to s", "Hz", "longest gap s"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for row in info.topics.iter_rows(named=True):
+        table.add_row(
+            escape(one_line(row["topic"])),
+            escape(one_line(row["type"])),
+            f"{row['messages']:,}",
+            _seconds(row["start_ns"], info.start_ns),
+            _seconds(row["end_ns"], info.start_ns),
+            _number(row["rate_hz"]),
+            _number(row["longest_gap_s"]),
+        )
+    return table
+
+
+def _troubles(info: "LogInfo") -> Iterator[str]:
+    told = {loss.topic for loss in info.losses}
+    for loss in info.losses:
+        # whose topic it is needs no saying but of a part of a log
+        is_of_log = bool(loss.topic) and loss.source == info.path.name
+        yield f"{loss.topic}: {loss.what}" if is_of_log else str(loss)
+    for row in info.topics.iter_rows(named=True):
+        if row["problem"] and row["topic"] not in told:
+            yield f"{row['topic']} (no messages): {row['problem']}"
+        if row["decoder"] == "rosbags":
+            yield (
+                f"{row['topic']}: read message by message with rosbags, which is slow: "
+                f"{row['type']} has a field that columns are not made of"
+            )
+
+
+def _seconds(stamp_ns: int | None, start_ns: int | None) -> str:
+    if stamp_ns is None or start_ns is None:
+        return "–"
+    return f"{(stamp_ns - start_ns) / 1e9:.3f}"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4g}"

@@ -99,7 +99,9 @@ def print_answer(answer: "Answer") -> None:
         screen.print("This log cannot weigh, so the mass is withheld. Failed:")
     print_table(screen, _checks(verdict.checks if verdict.can_weigh else failed))
     if verdict.judges_spins and not verdict.tells_inertia:
-        screen.print("No inertia estimate: the checks of the spins, or of the force's sign, failed.")
+        screen.print(
+            "No inertia estimate: the checks of the spins, or of the force's sign, failed."
+        )
     if answer.fingerprint:
         print_line(screen, f"fingerprint: {answer.fingerprint}")
     if answer.recording:

@@ -5,7 +5,7 @@ from typing import Final
 
 from replay.decoding.located import Inline, InlineArray, InlineRecord, InlineValue
 from replay.decoding.wire import WIDTHS, Wire
-from replay.readers.message_types import FieldType, ListOf, Record, Scalar
+from replay.messages.types import FieldType, ListOf, Record, Scalar
 
 #: A definition whose messages must be larger than this describes none that exists.
 LARGEST_BYTES: Final = 2**30

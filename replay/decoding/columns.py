@@ -35,7 +35,7 @@ from replay.decoding.located import (
 from replay.decoding.one_pass import Gathered
 from replay.decoding.together import Together
 from replay.decoding.wire import WIDTHS
-from replay.readers.fields import ALL, Field
+from replay.messages.fields import ALL, Field
 
 Ints = NDArray[np.int64]
 _NO_TEXT: Final = np.empty(0, np.uint8)

@@ -1,4 +1,4 @@
-"""Decoders: what turns batches of raw messages into frames, and which one a type gets."""
+"""What every decoder offers: batches of raw messages in, frames out."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,13 +6,8 @@ from typing import Protocol, TypeAlias
 
 import polars as pl
 
-from replay.decoding.batch import RawBatch
-from replay.decoding.block import NoPlanError
-from replay.decoding.library import ROSBAGS
-from replay.decoding.program import compile_program
-from replay.decoding.wire import CDR
-from replay.readers.fields import OWN_COLUMNS, Field
-from replay.readers.message_types import MessageType
+from replay.messages.batch import RawBatch
+from replay.messages.fields import OWN_COLUMNS, Field
 
 #: Takes work, and gives what waits for its end.
 Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
@@ -61,26 +56,3 @@ def schema_of(fields: Sequence[Field]) -> pl.Schema:
     return pl.Schema(
         {**dict.fromkeys(OWN_COLUMNS, pl.Int64()), **{field.name: field.dtype for field in fields}}
     )
-
-
-def decoder_name(kind: MessageType) -> str:
-    """Which decoder a type gets: `columnar`, or the library that decodes message by message."""
-    if kind.library is ROSBAGS:
-        try:
-            compile_program(kind.record, {}, CDR)
-        except NoPlanError:
-            return ROSBAGS.name
-        return "columnar"
-    return kind.library.name
-
-
-def make_decoder(kind: MessageType, fields: Sequence[Field]) -> Decoder:
-    """The columnar decoder, or a library's for a type that it cannot express."""
-    # numba is slow to import, and a log can be described without it
-    if decoder_name(kind) == "columnar":
-        from replay.decoding.plan import Plan
-
-        return Plan(kind.record, ros1=kind.ros1, fields=fields)
-    from replay.decoding.fallback import MessageByMessage
-
-    return MessageByMessage(kind, fields)

@@ -1,38 +1,16 @@
 """Messages to columns one at a time, by a library: for types that no plan can express."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Any
 
 import polars as pl
-from rosbags.serde import SerdeError
 
-from replay.decoding.batch import RawBatch
 from replay.decoding.decoder import Decoded, Submit, schema_of
-from replay.decoding.library import Library
-from replay.readers.container import BROKEN_BYTES
-from replay.readers.fields import ALL, Field, Step
-from replay.readers.message_types import MessageType
-
-
-def _text(value: Any) -> str:
-    """A string.
-
-    Raises:
-        UnicodeEncodeError: JSON can spell half of a character, which no column holds.
-    """
-    text = str(value)
-    text.encode()
-    return text
-
-
-_CONVERT: Final[dict[str, Callable[[Any], Any]]] = {
-    "bool": bool,
-    "string": _text,
-    "wstring": _text,
-    **dict.fromkeys(("float32", "float64", "float128"), float),
-    # rosbags reads the octet of ROS 2, whose kind this is too, as a signed number
-    "uint8": lambda value: int(value) & 0xFF,
-}
+from replay.messages.batch import RawBatch
+from replay.messages.broken import BrokenBytesError
+from replay.messages.fields import ALL, Field, Step
+from replay.messages.library import Library
+from replay.messages.types import MessageType
 
 
 class MessageByMessage:
@@ -54,9 +32,8 @@ class MessageByMessage:
         for time, data in zip(times, batch.messages(), strict=True):
             try:
                 rows.append((time, *self._values(data)))
-            # the last: rosbags writes code for a long double that calls what it does not have
-            except (SerdeError, *BROKEN_BYTES, NameError) as error:
-                faults.append(" ".join(str(error).split()))
+            except BrokenBytesError as error:
+                faults.append(str(error))
         frame = pl.DataFrame(rows, schema=schema_of(self._fields), orient="row")
         return Decoded(frame, len(faults), faults[0] if faults else "")
 
@@ -75,17 +52,21 @@ def _value(library: Library, message: Any, steps: Sequence[Step], kind: str) -> 
         if value is None:
             return None
         if step.element == ALL:
-            return [_value(library, element, steps[number:], kind) for element in value]
+            return [
+                _value(library, element, steps[number:], kind)
+                for element in library.elements(value)
+            ]
         if step.element is not None:
-            names = library.get(message, "name") if isinstance(step.element, str) else ()
-            value = _pick(names, value, step.element)
+            is_by_name = isinstance(step.element, str)
+            names = library.elements(library.get(message, "name")) if is_by_name else ()
+            value = _pick(names, library.elements(value), step.element)
         if value is None:
             return None
         message = value
-    return library.stamp_ns(message) if kind == "stamp" else _CONVERT.get(kind, int)(message)
+    return library.stamp_ns(message) if kind == "stamp" else library.convert(message, kind)
 
 
-def _pick(names: Any, values: Any, element: int | str) -> Any:
+def _pick(names: Sequence[Any], values: Sequence[Any], element: int | str) -> Any:
     if isinstance(element, int):
         number = element
     elif element in names:

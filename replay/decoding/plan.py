@@ -10,15 +10,15 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from replay.decoding.arrays import of_times
-from replay.decoding.batch import RawBatch
+from replay.decoding.batch_pass import BatchPass, WalkedBatch
 from replay.decoding.decoder import Decoded, Submit, at_once, schema_of
 from replay.decoding.program import Program, Wanted, compile_program
 from replay.decoding.together import Together, gathered_together
 from replay.decoding.walk import TOO_SHORT, encapsulations
-from replay.decoding.walked import Walk, WalkedBatch
 from replay.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
-from replay.readers.fields import ALL, OWN_COLUMNS, Field, resolve
-from replay.readers.message_types import Record
+from replay.messages.batch import RawBatch
+from replay.messages.fields import ALL, OWN_COLUMNS, Field, resolve
+from replay.messages.types import Record
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +97,7 @@ class Plan:
         """Begin to decode messages of one encapsulation."""
         wire = self._wires[kind]
         program, together, places = self._programs[wire]
-        walk = Walk(
+        walk = BatchPass(
             program,
             together,
             batch.data,

@@ -24,7 +24,7 @@ from replay.decoding.block import (
 )
 from replay.decoding.located import InBlock, Located, Nested, Strided, Text, Walked
 from replay.decoding.wire import Wire
-from replay.readers.message_types import FieldType, ListOf, Record, Scalar
+from replay.messages.types import FieldType, ListOf, Record, Scalar
 
 #: Fields asked for, as a tree: by name, with the lists' elements left out. Empty for a leaf.
 Wanted: TypeAlias = dict[str, "Wanted"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from replay.decoding.gather import DTYPES, LOADS
 from replay.decoding.located import InBlock, Inline, InlineArray, InlineRecord, Nested, Text
-from replay.readers.fields import ALL, Field, Step
+from replay.messages.fields import ALL, Field, Step
 
 Ints = NDArray[np.int64]
 #: What tells a field of a type from the others.

@@ -1,6 +1,6 @@
-"""Readers: one small protocol, one table of suffixes, one file a format."""
+"""Readers: one log, one table of formats. Outside of here a log is what these names are."""
 
-from replay.readers.formats import format_name, open_log
-from replay.readers.protocol import Checked, Log, TimeAxis
+from replay.readers.formats import open_log
+from replay.readers.log import Checked, Log, TimeAxis
 
-__all__ = ["Checked", "Log", "TimeAxis", "format_name", "open_log"]
+__all__ = ["Checked", "Log", "TimeAxis", "open_log"]

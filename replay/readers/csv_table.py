@@ -7,6 +7,8 @@ from typing import Final
 import polars as pl
 from polars.exceptions import PolarsError
 
+from replay.messages.broken import BrokenBytesError
+
 #: Stands in no text: a line is one cell.
 _NO_SEPARATOR: Final = "\x1f"
 
@@ -17,15 +19,23 @@ class CsvColumns:
     def __init__(self, path: Path, note: Callable[[str], None]) -> None:
         """Look at all of it for rows that are too long, too short or torn; see `_rows`."""
         self._rows = _rows(path, note)
-        self.names = self._rows.collect_schema().names()
+        self.names = _collected(self._rows.head(0)).columns
 
     def read(self, name: str) -> pl.Series:
         """A column as text, (rows,).
 
         Raises:
-            PolarsError: it cannot be read.
+            BrokenBytesError: it cannot be read.
         """
-        return self._rows.select(name).collect(engine="streaming").to_series()
+        return _collected(self._rows.select(name)).to_series()
+
+
+def _collected(frame: pl.LazyFrame) -> pl.DataFrame:
+    try:
+        return frame.collect(engine="streaming")
+    except (PolarsError, OSError) as error:
+        # polars spreads some messages over several lines
+        raise BrokenBytesError(str(error).strip().partition("\n")[0]) from error
 
 
 def _rows(path: Path, note: Callable[[str], None]) -> pl.LazyFrame:
@@ -40,21 +50,21 @@ def _rows(path: Path, note: Callable[[str], None]) -> pl.LazyFrame:
         note: told what is lost, in a sentence.
 
     Raises:
-        PolarsError: it is no CSV.
+        BrokenBytesError: it is no CSV.
     """
     frame = _scan(path, cut_long_rows=False)
     nulls = pl.all().null_count()
     try:
         # polars notices a row that is too long only when it is to parse every column
-        missing = frame.select(nulls).collect(engine="streaming").row(0)
-    except PolarsError:
+        missing = _collected(frame.select(nulls)).row(0)
+    except BrokenBytesError:
         note("rows with more cells than the header: what is too much is not read")
         frame = _scan(path, cut_long_rows=True)
-        missing = frame.select(nulls).collect(engine="streaming").row(0)
+        missing = _collected(frame.select(nulls)).row(0)
     short = _short_lines(path, len(missing)) if missing[-1] else []
     if not short:
         return frame
-    rows: int = frame.select(pl.len()).collect(engine="streaming").item()
+    rows: int = _collected(frame.select(pl.len())).item()
     if short[-1] == rows + 1 and not _ends_in_a_line_end(path):
         note(f"its last row (line {short.pop()}) is torn and not read")
         frame = frame.head(rows - 1)
@@ -93,12 +103,12 @@ def _short_lines(path: Path, columns: int) -> list[int]:
         row_index_offset=2,
     )
     odd_quotes = line.str.count_matches('"', literal=True) % 2 == 1
-    if lines.select(odd_quotes.any()).collect(engine="streaming").item():
+    if _collected(lines.select(odd_quotes.any())).item():
         return []
     # an empty line is a row without a time, which is counted there
     is_short = line.str.count_matches(",", literal=True) < columns - 1
     short = lines.filter(line.is_not_null() & is_short).select("number")
-    return short.collect(engine="streaming").to_series().to_list()
+    return _collected(short).to_series().to_list()
 
 
 def _ends_in_a_line_end(path: Path) -> bool:

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from rosbags.interfaces import Nodetype
 from rosbags.interfaces.typing import Typesdict
+from rosbags.serde import SerdeError
 from rosbags.typesys import (
     Stores,
     TypesysError,
@@ -22,8 +23,8 @@ from rosbags.typesys import (
 from rosbags.typesys.store import Typestore
 
 from estimators.errors import one_line
-from replay.readers.container import BROKEN_BYTES, Connection
-from replay.readers.message_types import (
+from replay.messages.broken import BROKEN_BYTES, BrokenBytesError
+from replay.messages.types import (
     COLUMN_DTYPES,
     STAMP_TYPES,
     FieldType,
@@ -32,6 +33,7 @@ from replay.readers.message_types import (
     Record,
     Scalar,
 )
+from replay.readers.storage import Connection
 
 #: Releases whose bags carry no definitions, newest first, then the newest one for later types.
 _RELEASES: Final = (
@@ -94,14 +96,8 @@ def _compiled(connection: Connection) -> MessageType:
             f"the log holds the definition of a service in place of {connection.type}'s own, "
             "as rosbag2 does for service events"
         )
-    try:
-        store = _typestore(connection)
-        record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
-    except (TypesysError, SyntaxError, *BROKEN_BYTES) as error:
-        reason = shorten(str(error), 160)
-        raise DefinitionError(
-            f"the definition of {connection.type} cannot be parsed: {reason}"
-        ) from error
+    store = _typestore(connection)
+    record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
     return MessageType(record, connection.encoding == "ros1", _decoder(store, connection))
 
 
@@ -115,7 +111,7 @@ def _self_described(connection: Connection) -> MessageType:
 
         descriptors = connection.definition.encode(errors="surrogateescape")
         return protobuf_type(connection.type, descriptors)
-    except (AttributeError, *BROKEN_BYTES) as error:  # JSON may hold anything anywhere
+    except BrokenBytesError as error:
         reason = shorten(str(error), 160)
         raise DefinitionError(
             f"the definition of {connection.type} cannot be used: {reason}"
@@ -127,15 +123,23 @@ def _typestore(connection: Connection) -> Typestore:
     if not text.strip() and connection.definition_format in ("", "ros2msg"):
         return _released(connection.type)
     store = get_typestore(Stores.EMPTY)
+    # rosbag2 joins IDL files with a rule and a line "IDL: name"
+    is_idl = connection.definition_format == "ros2idl"
+    is_joined = is_idl and text.startswith(f"{_IDL_SEPARATOR}IDL: ")
+    joined = text.split(_IDL_SEPARATOR)[1:]
+    parts = [idl.partition("\n")[2] for idl in joined] if is_joined else [text]
     types: Typesdict = {}
-    if connection.definition_format == "ros2idl":
-        # rosbag2 joins IDL files with a rule and a line "IDL: name"
-        joined = text.startswith(f"{_IDL_SEPARATOR}IDL: ")
-        for idl in text.split(_IDL_SEPARATOR)[1:] if joined else [text]:
-            types.update(get_types_from_idl(idl.split("\n", 1)[1] if joined else idl))
-    else:
-        types.update(get_types_from_msg(text, connection.type))
-    store.register(types)
+    try:
+        for part in parts:
+            types |= (
+                get_types_from_idl(part) if is_idl else get_types_from_msg(part, connection.type)
+            )
+        store.register(types)
+    except (TypesysError, SyntaxError, *BROKEN_BYTES) as error:
+        reason = shorten(str(error), 160)
+        raise DefinitionError(
+            f"the definition of {connection.type} cannot be parsed: {reason}"
+        ) from error
     return store
 
 
@@ -204,4 +208,12 @@ class _Records:
 
 def _decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:
     decode = store.deserialize_ros1 if connection.encoding == "ros1" else store.deserialize_cdr
-    return lambda data: decode(data, connection.type)
+
+    def decoded(data: bytes) -> Any:
+        try:
+            return decode(data, connection.type)
+        # the last: rosbags writes code for a long double that calls what it does not have
+        except (SerdeError, *BROKEN_BYTES, NameError) as error:
+            raise BrokenBytesError(error) from error
+
+    return decoded

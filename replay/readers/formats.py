@@ -1,36 +1,35 @@
 """The formats that can be read: one table of suffixes, one dispatcher."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from estimators.errors import LogError
-from replay.readers.protocol import Log, TimeAxis
+from replay.readers.log import Log, TimeAxis
 
 # The libraries behind the formats are imported when a log of theirs is opened: they are slow to
 # import, and `payscope --help` needs none of them.
 
 
 def _open_bag(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
-    from replay.readers.containers.bag_file import BagFile
+    from replay.readers.bag import BagFile
     from replay.readers.message_log import MessageLog
 
-    return MessageLog(path, BagFile)
+    return MessageLog(path, "ROS 1 bag", BagFile)
 
 
 def _open_mcap(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
-    from replay.readers.containers.mcap_file import McapFile
+    from replay.readers.mcap import McapFile
     from replay.readers.message_log import MessageLog
 
-    return MessageLog(path, McapFile)
+    return MessageLog(path, "MCAP", McapFile)
 
 
 def _open_db3(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
-    from replay.readers.containers.db3_file import Db3File
     from replay.readers.message_log import MessageLog
+    from replay.readers.sqlite import Db3File
 
-    return MessageLog(path, Db3File)
+    return MessageLog(path, "rosbag2 SQLite", Db3File)
 
 
 def _open_table(path: Path, time: TimeAxis | None) -> Log:
@@ -40,34 +39,26 @@ def _open_table(path: Path, time: TimeAxis | None) -> Log:
 
 
 def _open_directory(path: Path) -> Log:
-    from replay.readers.containers.rosbag2_directory import Rosbag2Directory, storage_files
-    from replay.readers.containers.rosbag2_metadata import METADATA
     from replay.readers.message_log import MessageLog
+    from replay.readers.rosbag2 import METADATA, Rosbag2Directory, storage_files
 
     if not (path / METADATA).exists() and not storage_files(path):
-        logs = sorted(p.name for p in path.iterdir() if p.suffix.lower() in FORMATS)
+        logs = sorted(p.name for p in path.iterdir() if p.suffix.lower() in OPENERS)
         remedy = f"; name one of its logs: {', '.join(logs)}" if logs else ""
         raise LogError(
             f"{path}: no bag in this directory; a rosbag2 directory holds metadata.yaml "
             f"and .mcap or .db3 files{remedy}"
         )
-    return MessageLog(path, Rosbag2Directory)
+    return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
 
-@dataclass(frozen=True, slots=True)
-class Format:
-    """A format of logs: its name for people, and what opens it."""
-
-    name: str
-    open: Callable[[Path, TimeAxis | None], Log]
-
-
-FORMATS: Final[dict[str, Format]] = {
-    ".bag": Format("ROS 1 bag", _open_bag),
-    ".mcap": Format("MCAP", _open_mcap),
-    ".db3": Format("rosbag2 SQLite", _open_db3),
-    ".csv": Format("CSV table", _open_table),
-    ".parquet": Format("Parquet table", _open_table),
+#: What opens a file, by its suffix.
+OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
+    ".bag": _open_bag,
+    ".mcap": _open_mcap,
+    ".db3": _open_db3,
+    ".csv": _open_table,
+    ".parquet": _open_table,
 }
 
 
@@ -88,19 +79,14 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
             return _open_directory(path)
         if not path.exists():
             raise LogError(f"{path}: no such file or directory")
-        known = FORMATS.get(path.suffix.lower())
-        if known is None:
+        opener = OPENERS.get(path.suffix.lower())
+        if opener is None:
             raise LogError(
-                f"{path}: no reader for '{path.suffix}'; a log is {', '.join(FORMATS)} "
+                f"{path}: no reader for '{path.suffix}'; a log is {', '.join(OPENERS)} "
                 "or a rosbag2 directory"
             )
         if path.stat().st_size == 0:
             raise LogError(f"{path}: the file is empty (0 bytes)")
-        return known.open(path, time)
+        return opener(path, time)
     except OSError as error:
         raise LogError(f"{path}: cannot be opened: {error.strerror or error}") from error
-
-
-def format_name(path: Path) -> str:
-    """The format of a log by its path, for people."""
-    return "rosbag2 directory" if path.is_dir() else FORMATS[path.suffix.lower()].name

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.decoding.batch import RawBatch
-from replay.decoding.decoder import Tally, decoder_name, make_decoder, schema_of
-from replay.readers.base_log import BaseLog
-from replay.readers.container import Connection, Container, LossList, no_times
+from replay.decoding.decoder import Tally, schema_of
+from replay.decoding.factory import decoder_name, make_decoder
+from replay.messages.batch import RawBatch
+from replay.messages.fields import Field, FieldError, resolve
+from replay.messages.types import MessageType, leaves
 from replay.readers.definitions import DefinitionError, compile_type
-from replay.readers.fields import Field, FieldError, resolve
-from replay.readers.message_types import MessageType, leaves
-from replay.readers.protocol import Checked
-from replay.readers.topics import TOPICS_SCHEMA, timing
+from replay.readers.log import Checked, Log
+from replay.readers.storage import Connection, Container, LossList, no_times
 
 if TYPE_CHECKING:
     from replay.decoding.stream import Stream
@@ -37,12 +36,14 @@ class _Topic:
     problem: str | None
 
 
-class MessageLog(BaseLog):
+class MessageLog(Log):
     """A log whose topics hold messages: ROS 1 bag, MCAP, rosbag2."""
 
-    def __init__(self, path: Path, open_container: Callable[[Path], Container]) -> None:
+    def __init__(
+        self, path: Path, log_format: str, open_container: Callable[[Path], Container]
+    ) -> None:
         self._container = open_container(path)
-        super().__init__(path, self._container.close)
+        super().__init__(path, log_format, self._container.close)
         self._read_losses = LossList()
 
     @property
@@ -65,13 +66,14 @@ class MessageLog(BaseLog):
     @cached_property
     def _topic_table(self) -> pl.DataFrame:
         rows = [{"topic": name, **self._summary(topic)} for name, topic in self._topics.items()]
-        return pl.DataFrame(rows, schema=TOPICS_SCHEMA)
+        return pl.DataFrame(rows, schema=self.TOPICS_SCHEMA)
 
     def _summary(self, topic: _Topic) -> dict[str, object]:
+        log_times = [self._container.log_times(c.id) for c in topic.connections]
         return {
             "type": ", ".join(dict.fromkeys(c.type for c in topic.connections)),
             "encoding": ", ".join(dict.fromkeys(c.encoding for c in topic.connections)),
-            **timing(np.concatenate([self._container.log_times(c.id) for c in topic.connections])),
+            **self._timing(np.concatenate(log_times)),
             "fields": list(leaves(topic.kind.record)) if topic.kind else [],
             "problem": topic.problem,
             "decoder": decoder_name(topic.kind) if topic.kind else None,
@@ -159,8 +161,8 @@ class MessageLog(BaseLog):
                     message_bytes += int(batch.lengths.sum())
                 yield [batch for batch in group if topics[batch.connection_id] in streams]
 
-        by_connection = {key: streams[t] for key, t in topics.items() if t in streams}
-        self._take_all(counted(), by_connection)
+        group_by_key = {key: streams[t] for key, t in topics.items() if t in streams}
+        self._take_all(counted(), group_by_key)
         for topic, stream in streams.items():
             stream.finish()
             self._note(topic, stream.tally)

@@ -3,12 +3,13 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pyarrow as pa
 from pyarrow.parquet import ParquetFile
 
-from replay.readers.container import BROKEN_BYTES
+from replay.messages.broken import BROKEN_BYTES, BrokenBytesError
 
 
 class ParquetColumns:
@@ -18,37 +19,35 @@ class ParquetColumns:
         """Read the footer.
 
         Raises:
-            OSError: it is no Parquet file, or a damaged one.
+            BrokenBytesError: it is no Parquet file, or a damaged one.
         """
         self._path = path
-        with _one_kind_of_fault(), ParquetFile(path) as file:
+        with _library_call(), ParquetFile(path) as file:
             self._footer = file.metadata
-            fields = [f for f in file.schema_arrow if not pa.types.is_nested(f.type)]
-            self.names: list[str] = [field.name for field in fields]
+            schema: Any = file.schema_arrow
+        self.names: list[str] = [f.name for f in schema if not pa.types.is_nested(f.type)]
 
     def read(self, name: str) -> pl.Series:
         """A column, (rows,).
 
         Raises:
-            OSError: its pages are damaged.
+            BrokenBytesError: its pages are damaged.
         """
-        with _one_kind_of_fault(), ParquetFile(self._path, metadata=self._footer) as file:
-            column = _series(file.read([name])[name]).alias(name)
-            if column.len() != self._footer.num_rows:
-                raise OSError(f"{column.len():,} of {self._footer.num_rows:,} rows are there")
-            return column
-
-
-def _series(column: pa.ChunkedArray) -> pl.Series:
-    # polars takes it that text is UTF-8, and panics at names that are not
-    column.validate(full=True)
-    getattr(column.type, "tz", None)
-    return pl.Series(column)
+        with _library_call(), ParquetFile(self._path, metadata=self._footer) as file:
+            column = file.read([name])[name]
+            # polars takes it that text is UTF-8, and panics at names that are not
+            column.validate(full=True)
+            getattr(column.type, "tz", None)
+            series = pl.Series(name, column)
+        rows = self._footer.num_rows
+        if series.len() != rows:
+            raise BrokenBytesError(f"{series.len():,} of {rows:,} rows are there")
+        return series
 
 
 @contextmanager
-def _one_kind_of_fault() -> Generator[None]:
+def _library_call() -> Generator[None]:
     try:
         yield
     except (pa.ArrowException, *BROKEN_BYTES) as error:
-        raise OSError(" ".join(str(error).split())) from error
+        raise BrokenBytesError(error) from error

@@ -8,8 +8,9 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message import DecodeError
 from google.protobuf.message_factory import GetMessageClass
 
-from replay.decoding.library import Library, int64
-from replay.readers.message_types import FieldType, ListOf, MessageType, Record, Scalar
+from replay.messages.broken import BrokenBytesError
+from replay.messages.library import Library, int64
+from replay.messages.types import FieldType, ListOf, MessageType, Record, Scalar
 
 _KINDS: Final = {
     FieldDescriptor.CPPTYPE_DOUBLE: "float64",
@@ -30,23 +31,31 @@ def protobuf_type(name: str, descriptors: bytes) -> MessageType:
     """The type `name` of a serialized `FileDescriptorSet`.
 
     Raises:
-        ValueError: they are no descriptors, lack the type, or describe too many fields.
+        BrokenBytesError: they are no descriptors, lack the type, or describe too many fields.
     """
     try:
-        pool = _pool(FileDescriptorSet.FromString(descriptors))
+        files = FileDescriptorSet.FromString(descriptors)
+    except DecodeError as error:
+        raise _unusable(error) from error
+    pool = _pool(files)
+    try:
         descriptor = pool.FindMessageTypeByName(name)
-    except (DecodeError, KeyError, TypeError) as error:
-        raise ValueError(f"its protobuf descriptors cannot be used: {error}") from error
-    read = GetMessageClass(descriptor).FromString
+        read = GetMessageClass(descriptor).FromString
+    except (KeyError, TypeError) as error:
+        raise _unusable(error) from error
 
     def decode(data: bytes) -> Any:
         try:
             return read(data)
         except DecodeError as error:
-            raise ValueError(str(error)) from error
+            raise BrokenBytesError(error) from error
 
     record = _Types().record(descriptor, ())
     return MessageType(record, ros1=False, decode=decode, library=PROTOBUF)
+
+
+def _unusable(why: object) -> BrokenBytesError:
+    return BrokenBytesError(f"its protobuf descriptors cannot be used: {why}")
 
 
 def _pool(files: FileDescriptorSet) -> DescriptorPool:
@@ -57,9 +66,12 @@ def _pool(files: FileDescriptorSet) -> DescriptorPool:
     while waiting:
         ready = [file for file in waiting if added.issuperset(file.dependency)]
         if not ready:
-            raise TypeError(f"{waiting[0].name} depends on files that are not there")
+            raise _unusable(f"{waiting[0].name} depends on files that are not there")
         for file in ready:
-            pool.Add(file)
+            try:
+                pool.Add(file)
+            except TypeError as error:
+                raise _unusable(error) from error
             added.add(file.name)
         waiting = [file for file in waiting if file.name not in added]
     return pool
@@ -82,7 +94,7 @@ class _Types:
     def _field(self, field: FieldDescriptor, above: tuple[str, ...]) -> FieldType | None:
         self._left -= 1
         if self._left < 0:
-            raise ValueError(f"it has more than {_MOST_FIELDS} fields")
+            raise BrokenBytesError(f"it has more than {_MOST_FIELDS} fields")
         inner = field.message_type
         if inner is None:
             is_bytes = field.type == FieldDescriptor.TYPE_BYTES
@@ -111,7 +123,12 @@ def _is_stamp(descriptor: Descriptor) -> bool:
 def _get(message: Any, name: str) -> Any:
     field = message.DESCRIPTOR.fields_by_name[name]
     is_absent = field.has_presence and not message.HasField(name)
-    return None if is_absent else getattr(message, name)
+    if is_absent:
+        return None
+    try:
+        return getattr(message, name)
+    except UnicodeDecodeError as error:  # a text is decoded when it is asked for
+        raise BrokenBytesError(error) from error
 
 
 PROTOBUF: Final = Library(

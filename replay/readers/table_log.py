@@ -7,38 +7,36 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import polars as pl
-from polars.exceptions import PolarsError
 
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
-from replay.readers.base_log import BaseLog
-from replay.readers.container import LossList
+from replay.messages.broken import BrokenBytesError
 from replay.readers.csv_table import CsvColumns
-from replay.readers.protocol import Checked, TimeAxis
+from replay.readers.log import Checked, Log, TimeAxis
+from replay.readers.storage import LossList
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
-from replay.readers.topics import TOPICS_SCHEMA, timing
 
 if TYPE_CHECKING:
     from replay.readers.parquet_columns import ParquetColumns
 
 TOPIC: Final = "table"
+_FORMATS: Final = {"csv": "CSV table", "parquet": "Parquet table"}
 #: Columns that an error names.
 _NAMED: Final = 20
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
-_FAULTS: Final = (PolarsError, OSError)
 
 
-class TableLog(BaseLog):
+class TableLog(Log):
     """A table whose rows are the messages of one topic. Columns are read as they are asked for."""
 
     def __init__(self, path: Path, time: TimeAxis | None) -> None:
-        super().__init__(path)
+        self._suffix = path.suffix.lower().removeprefix(".")
+        super().__init__(path, _FORMATS[self._suffix])
         self._losses = LossList()
-        self._format = path.suffix.lower().removeprefix(".")
         try:
             self._columns = self._open()
-        except _FAULTS as error:
-            raise LogError(f"{path}: not a {self._format} table: {_line(error)}") from error
+        except BrokenBytesError as error:
+            raise LogError(f"{path}: not a {self._suffix} table: {error}") from error
         self._axis = self._find_axis(time)
 
     @property
@@ -47,7 +45,7 @@ class TableLog(BaseLog):
         return (self.path,)
 
     def _open(self) -> "CsvColumns | ParquetColumns":
-        if self._format == "parquet":
+        if self._suffix == "parquet":
             from replay.readers.parquet_columns import ParquetColumns  # pyarrow is slow to import
 
             return ParquetColumns(self.path)
@@ -102,9 +100,8 @@ class TableLog(BaseLog):
     def _column(self, name: str) -> pl.Series:
         try:
             return self._columns.read(name)
-        except _FAULTS as error:
-            fault = _line(error)
-            raise LogError(f"{self.path}: column '{name}' cannot be read: {fault}") from error
+        except BrokenBytesError as error:
+            raise LogError(f"{self.path}: column '{name}' cannot be read: {error}") from error
 
     def _fields(self) -> list[str]:
         return [name for name in self._columns.names if name and name not in _STAMPS]
@@ -114,13 +111,13 @@ class TableLog(BaseLog):
         row = {
             "topic": TOPIC,
             "type": TOPIC,
-            "encoding": self._format,
-            **timing(self._times.drop_nulls().to_numpy()),
+            "encoding": self._suffix,
+            **self._timing(self._times.drop_nulls().to_numpy()),
             "fields": self._fields(),
             "problem": None,
             "decoder": "columnar",
         }
-        return pl.DataFrame([row], schema=TOPICS_SCHEMA)
+        return pl.DataFrame([row], schema=self.TOPICS_SCHEMA)
 
     def _read_many(
         self, fields: Mapping[str, Sequence[str]], start_ns: int | None, end_ns: int | None
@@ -150,7 +147,7 @@ class TableLog(BaseLog):
 
     def _values(self, name: str) -> pl.Series:
         values = self._column(name)
-        if self._format == "csv":
+        if self._suffix == "csv":
             return self._typed(values)
         if values.dtype.is_float() or values.dtype.is_decimal():
             return values.cast(pl.Float64)
@@ -203,8 +200,3 @@ class TableLog(BaseLog):
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far."""
         return tuple(self._losses)
-
-
-def _line(error: BaseException) -> str:
-    """The first line of a message that polars spreads over several."""
-    return str(error).strip().partition("\n")[0]

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from replay.readers.protocol import TimeAxis
+from replay.readers.log import TimeAxis
 
 NS_PER_UNIT: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 #: Looked for in this order, each with and without its unit at the end.

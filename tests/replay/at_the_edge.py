@@ -18,17 +18,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from replay.decoding.batch import RawBatch
 from replay.decoding.plan import Plan
 from replay.decoding.unaligned import load64
-from replay.readers.containers import bag_grammar, mcap_grammar
-from replay.readers.containers.file_bytes import FileBytes
-from replay.readers.containers.records import Grammar, Rows
-from replay.readers.containers.sqlite_leaves import _children
-from replay.readers.containers.sqlite_pages import LEAF, Wanted, page_layout
-from replay.readers.containers.sqlite_scan import scan_leaves
-from replay.readers.fields import resolve
-from replay.readers.message_types import Record, Scalar
+from replay.messages.batch import RawBatch
+from replay.messages.fields import resolve
+from replay.messages.types import Record, Scalar
+from replay.readers.bag import grammar as bag_grammar
+from replay.readers.blocks.slabs import Grammar, SlabIndex
+from replay.readers.mcap import grammar as mcap_grammar
+from replay.readers.sqlite.leaves import _children
+from replay.readers.sqlite.pages import LEAF, RowFilter, page_layout
+from replay.readers.sqlite.scan import scan_leaves
+from replay.readers.storage.file_bytes import FileBytes
 from tests.replay.decoding.random_types import Sample, Types, types
 from tests.replay.decoding.test_equality import fields_of
 from tests.replay.guarded import Guarded
@@ -120,7 +121,7 @@ def _scanning(grammar: Grammar, records: bytes) -> Callable[[], None]:
         whole = [records[at:] for at in range(len(records))]
         for damaged in [*whole, *(d for _ in range(60) for d in _damaged(records, rng))]:
             for data in (GUARDED.at_begin(damaged), GUARDED.at_end(damaged)):
-                rows = Rows(grammar, data, rng.choice([0, 3, 50]))
+                rows = SlabIndex(grammar, data, rng.choice([0, 3, 50]))
                 for end in (data.size, rng.randrange(data.size + 1)):
                     rows.scan(0, end)
                     grammar.find(data, 0, end, data.size + rng.choice([0, 7, 10**6]))
@@ -178,7 +179,7 @@ def sqlite_pages() -> None:
         file.close()
         database.close()
     assert {LEAF, 5} < {page[0] for page in pages}
-    wanted = Wanted(np.empty(0, np.int64), True, -(2**63), 2**63 - 1, True)
+    wanted = RowFilter(np.empty(0, np.int64), True, -(2**63), 2**63 - 1, True)
     slots = np.zeros(1, np.int64)
     damaged = (each for page in pages for each in _damaged(page, rng) if len(each) == 512)
     # a leaf with a single cell, which begins at any byte

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from estimators.errors import LogError
 from replay import open_log
-from replay.info import LogInfo, describe, show
+from replay.commands.info import show
+from replay.info import LogInfo, describe
 from tests.one_line import assert_one_line
 
 SANTIAGO = ZoneInfo("America/Santiago")

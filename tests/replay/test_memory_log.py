@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import LogError
-from replay import TimeAxis, open_log
+from replay import Log, TimeAxis, open_log
 from replay.memory_log import MemoryLog
 from replay.read_once import ReadOnce
 from tests.replay.sledge import sledge
@@ -48,3 +49,17 @@ def test_an_unknown_topic_or_field_names_the_nearest(log: MemoryLog) -> None:
         log.read("sped", [])
     with pytest.raises(LogError, match="did you mean 'speed_left_m_s'"):
         log.read("speed", ["speed_left"])
+
+
+def test_a_simulation_is_described_by_the_columns_of_every_log(log: MemoryLog) -> None:
+    topics = log.topics()
+    assert topics.schema == Log.TOPICS_SCHEMA
+    speed = topics.row(by_predicate=pl.col("topic") == "speed", named=True)
+    times = log.read("speed", [])["log_time_ns"]
+    assert (speed["messages"], speed["start_ns"], speed["end_ns"]) == (
+        times.len(),
+        times[0],
+        times[-1],
+    )
+    assert speed["rate_hz"] == pytest.approx((times.len() - 1) / (times[-1] - times[0]) * 1e9)
+    assert speed["longest_gap_s"] == pytest.approx(times.diff().max() / 1e9)

@@ -13,11 +13,11 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from replay.decoding.batch import RawBatch, joined
-from replay.readers.container import Connection
+from replay.messages.batch import RawBatch, joined
+from replay.messages.fields import ALL
+from replay.messages.types import FieldType, ListOf, MessageType, Record
 from replay.readers.definitions import compile_type
-from replay.readers.fields import ALL
-from replay.readers.message_types import FieldType, ListOf, MessageType, Record
+from replay.readers.storage.container import Connection
 
 #: with the codes of `struct`
 NUMBERS = {

@@ -7,8 +7,8 @@ import polars as pl
 import pytest
 
 from replay.decoding.plan import Plan
-from replay.readers.fields import resolve
-from replay.readers.message_types import ListOf, Record, Scalar
+from replay.messages.fields import resolve
+from replay.messages.types import ListOf, Record, Scalar
 from tests.replay.decoding.random_types import batch_of
 
 POINT = Record("t/msg/Point", (("x", Scalar("int16")), ("y", Scalar("uint8"))))

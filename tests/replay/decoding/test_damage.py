@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.decoding.batch import RawBatch
 from replay.decoding.block import NoPlanError
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
-from replay.readers.fields import resolve
-from replay.readers.message_types import ListOf, Record, Scalar
+from replay.messages.batch import RawBatch
+from replay.messages.fields import resolve
+from replay.messages.types import ListOf, Record, Scalar
 from tests.replay.decoding.random_types import Sample, Types, batch_of, types
 from tests.replay.decoding.test_equality import RANDOM_TYPES, fields_of, same
 

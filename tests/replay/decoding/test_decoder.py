@@ -12,16 +12,18 @@ from rich.console import Console
 from rosbags.typesys import Stores, get_typestore
 
 from replay import open_log
-from replay.decoding.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
-from replay.decoding.decoder import decoder_name, make_decoder, schema_of
+from replay.commands.info import show
+from replay.decoding.decoder import schema_of
+from replay.decoding.factory import decoder_name, make_decoder
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
 from replay.decoding.stream import Stream, take_all
-from replay.info import describe, show
-from replay.readers.container import Connection
+from replay.info import describe
+from replay.messages.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
+from replay.messages.fields import resolve
+from replay.messages.types import leaves
 from replay.readers.definitions import compile_type
-from replay.readers.fields import resolve
-from replay.readers.message_types import leaves
+from replay.readers.storage.container import Connection
 from tests.replay.decoding.random_types import batch_of, encode, random_message
 from tests.replay.decoding.test_equality import same
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
-from replay.readers.fields import Field, resolve
+from replay.messages.fields import Field, resolve
 from tests.replay.decoding.random_types import Sample, Types, batch_of, every_field, types
 
 #: In each encoding; `make decoding` sets 2500.

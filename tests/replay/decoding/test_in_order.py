@@ -4,8 +4,8 @@ import polars as pl
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.decoding.batch import joined
-from replay.decoding.in_order import joined_frames, sorted_batch
+from replay.decoding.stream import joined_frames, sorted_batch
+from replay.messages.batch import joined
 
 TIMES = st.lists(st.lists(st.integers(0, 30), max_size=12), min_size=1, max_size=8)
 

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from replay.decoding.plan import Plan
-from replay.readers.container import Connection
+from replay.messages.fields import resolve
+from replay.messages.types import leaves
 from replay.readers.definitions import compile_type
-from replay.readers.fields import resolve
-from replay.readers.message_types import leaves
+from replay.readers.storage.container import Connection
 from tests.replay.decoding.random_types import batch_of
 
 TYPE = compile_type(

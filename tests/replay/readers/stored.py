@@ -8,7 +8,7 @@ from mcap.reader import NonSeekingReader
 from rosbags.rosbag1 import Reader as Reader1
 from rosbags.rosbag2 import Reader as Reader2
 
-from replay.readers.container import Container
+from replay.readers.storage.container import Container
 
 #: topic, log time in ns, bytes
 Stored = tuple[str, int, bytes]

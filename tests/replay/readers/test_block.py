@@ -9,8 +9,8 @@ import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.readers.containers.block import Block, DamagedBlockError, unpack
-from replay.readers.containers.file_bytes import FileBytes
+from replay.readers.blocks.block import Block, DamagedBlockError, unpack
+from replay.readers.storage.file_bytes import FileBytes
 
 CONTENT = np.random.default_rng(1).bytes(3000) * 40
 SKIPPED = struct.pack("<II", 0x184D2A5F, 5) + b"aside"

@@ -8,10 +8,10 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
-from replay.readers.containers.bag_file import BagFile
-from replay.readers.containers.db3_file import Db3File
-from replay.readers.containers.mcap_file import McapFile
-from replay.readers.containers.rosbag2_directory import Rosbag2Directory
+from replay.readers.bag.file import BagFile
+from replay.readers.mcap.file import McapFile
+from replay.readers.rosbag2.directory import Rosbag2Directory
+from replay.readers.sqlite.file import Db3File
 from tests.replay.readers.damaged import without_bag_index, without_footer
 from tests.replay.readers.stored import official_bag, official_mcap, official_rosbag2, stored
 from tests.replay.readers.written_logs import (

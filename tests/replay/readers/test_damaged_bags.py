@@ -8,8 +8,8 @@ import pytest
 from rosbags.rosbag1 import Writer as Writer1
 
 from replay import open_log
-from replay.readers.containers.bag_file import BagFile
-from replay.readers.containers.block import Block
+from replay.readers.bag.file import BagFile
+from replay.readers.blocks.block import Block
 from tests.replay.readers.damaged import DRIVE, overwrite, without_bag_index
 from tests.replay.readers.stored import stored, times
 from tests.replay.readers.written_logs import write_bag

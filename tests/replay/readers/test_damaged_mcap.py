@@ -9,7 +9,7 @@ import zstandard
 from mcap.writer import CompressionType
 
 from replay import open_log
-from replay.readers.containers.mcap_file import McapFile
+from replay.readers.mcap.file import McapFile
 from tests.replay.readers.damaged import DRIVE, chunks, overwrite, without_footer
 from tests.replay.readers.stored import stored, times
 from tests.replay.readers.written_logs import write_mcap

@@ -9,7 +9,7 @@ import zstandard
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from replay import open_log
-from replay.readers.containers.db3_file import Db3File
+from replay.readers.sqlite.file import Db3File
 from tests.replay.readers.damaged import DRIVE, overwrite
 from tests.replay.readers.stored import stored, times
 from tests.replay.readers.written_logs import Joints, write_db3, write_rosbag2

@@ -2,9 +2,9 @@
 
 import pytest
 
-from replay.readers.container import Connection
+from replay.messages.types import ListOf, Record, Scalar
 from replay.readers.definitions import DefinitionError, compile_type
-from replay.readers.message_types import ListOf, Record, Scalar
+from replay.readers.storage.container import Connection
 
 RULE = "=" * 80
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.readers.fields import Field, FieldError, Step, resolve
-from replay.readers.message_types import ListOf, Record, Scalar, leaves
+from replay.messages.fields import Field, FieldError, Step, resolve
+from replay.messages.types import ListOf, Record, Scalar, leaves
 
 VECTOR = Record("geometry_msgs/msg/Vector3", tuple((axis, Scalar("float64")) for axis in "xyz"))
 MESSAGE = Record(

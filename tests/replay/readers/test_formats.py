@@ -8,7 +8,7 @@ import pytest
 
 from estimators.errors import LogError
 from replay import open_log
-from replay.readers.formats import FORMATS
+from replay.readers.formats import OPENERS
 from tests.one_line import assert_one_line
 
 
@@ -28,10 +28,10 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_an_unknown_suffix_is_answered_with_the_known_ones(tmp_path: Path) -> None:
     (tmp_path / "shift.txt").write_text("hello")
     message = one_line(tmp_path / "shift.txt")
-    assert all(suffix in message for suffix in FORMATS)
+    assert all(suffix in message for suffix in OPENERS)
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", OPENERS)
 def test_an_empty_file_is_refused_in_every_format(tmp_path: Path, suffix: str) -> None:
     (tmp_path / f"shift{suffix}").touch()
     assert "empty (0 bytes)" in one_line(tmp_path / f"shift{suffix}")

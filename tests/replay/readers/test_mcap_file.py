@@ -16,9 +16,9 @@ from mcap.writer import Writer as McapWriter
 
 from estimators.errors import LogError
 from replay import open_log
-from replay.readers.containers.file_bytes import FileBytes
-from replay.readers.containers.mcap_file import McapFile
-from replay.readers.containers.mcap_index import indexed_times
+from replay.readers.mcap.file import McapFile
+from replay.readers.mcap.index import indexed_times
+from replay.readers.storage.file_bytes import FileBytes
 from tests.replay.readers.one_line import one_line_at_most
 from tests.replay.readers.stored import stored
 from tests.replay.readers.written_logs import JOINT_STATE, ROS2, Joints, write_mcap

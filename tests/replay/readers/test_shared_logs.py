@@ -14,15 +14,15 @@ from rosbags.typesys import Stores, get_typestore
 
 from estimators.errors import LogError
 from replay import open_log
-from replay.decoding.batch import joined
 from replay.decoding.fallback import MessageByMessage
+from replay.messages.batch import joined
+from replay.messages.fields import resolve
 from replay.readers import Log
-from replay.readers.containers.bag_file import BagFile
-from replay.readers.containers.db3_file import Db3File
-from replay.readers.containers.mcap_file import McapFile
-from replay.readers.containers.rosbag2_directory import Rosbag2Directory
-from replay.readers.fields import resolve
+from replay.readers.bag.file import BagFile
+from replay.readers.mcap.file import McapFile
 from replay.readers.message_log import MessageLog
+from replay.readers.rosbag2.directory import Rosbag2Directory
+from replay.readers.sqlite.file import Db3File
 from tests.one_line import assert_one_line
 from tests.replay.decoding.random_types import every_field
 from tests.replay.decoding.test_equality import same
@@ -96,7 +96,7 @@ def _deserialize(reader: AnyReader, msgtype: str, data: bytes) -> Any:
 
 
 def test_every_field_of_every_topic_is_that_of_rosbags(log_path: Path) -> None:
-    log = MessageLog(log_path, CONTAINERS[log_path.suffix])
+    log = MessageLog(log_path, "log of messages", CONTAINERS[log_path.suffix])
     for topic, found in log._topics.items():
         assert found.kind is not None
         names = sorted(set(every_field(found.kind.record)))

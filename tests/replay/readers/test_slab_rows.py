@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.readers.containers.mcap_grammar import GRAMMAR
-from replay.readers.containers.places import places_of
-from replay.readers.containers.records import KEY, TIME, Rows
+from replay.readers.blocks.select import key_index
+from replay.readers.blocks.slabs import SlabIndex
+from replay.readers.mcap.grammar import GRAMMAR
+from replay.readers.storage.rows import KEY, TIME
 
 _INT64 = st.integers(-(2**63), 2**63 - 1)
 _KEYS = st.sets(_INT64 | st.integers(0, 9), max_size=12)
@@ -22,7 +23,7 @@ def test_the_place_of_a_connection_is_found_however_they_are_numbered(
 ) -> None:
     ascending = sorted(keys)
     of_both = [*found, *ascending]
-    places = places_of(np.array(of_both, np.int64), np.array(ascending, np.int64))
+    places = key_index(np.array(of_both, np.int64), np.array(ascending, np.int64))
     assert places.tolist() == [ascending.index(key) if key in keys else -1 for key in of_both]
 
 
@@ -40,7 +41,7 @@ def test_rows_are_the_same_whatever_number_was_expected(expected: int) -> None:
         [_message(3, 40), _message(1, 50), _message(2, 60)],
     ]
     data = np.frombuffer(b"".join(b"".join(block) for block in blocks), np.uint8)
-    rows = Rows(GRAMMAR, data, expected)
+    rows = SlabIndex(GRAMMAR, data, expected)
     ends = np.cumsum([sum(map(len, block)) for block in blocks]).tolist()
     spans = [rows.scan(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
     assert spans == [(0, 2, 0), (2, 3, 0), (3, 3, 0), (3, 6, 0)]

@@ -12,10 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from estimators.errors import LogError
-from replay.readers.containers.db3_file import Db3File
-from replay.readers.containers.file_bytes import FileBytes
-from replay.readers.containers.sqlite_pages import Layout, Wanted, page_layout
-from replay.readers.containers.sqlite_walk import PageWalk
+from replay.readers.sqlite.file import Db3File
+from replay.readers.sqlite.pages import PageLayout, RowFilter, page_layout
+from replay.readers.sqlite.walk import PageWalk
+from replay.readers.storage.file_bytes import FileBytes
 
 PAGE_BYTES = [512, 1024, 2048, 4096, 8192, 16384, 32768, 65536]
 MESSAGES = (
@@ -78,7 +78,7 @@ def by_sqlite(path: Path) -> tuple[list[Message], bool]:
     return rows, True
 
 
-def layout_of(path: Path) -> Layout | None:
+def layout_of(path: Path) -> PageLayout | None:
     file = FileBytes(path)
     database = sqlite3.connect(f"{path.as_uri()}?mode=ro&immutable=1", uri=True)
     layout = page_layout(file, database)
@@ -95,7 +95,7 @@ def by_pages(path: Path, *, with_data: bool = True) -> tuple[list[Message], list
     try:
         layout = page_layout(file, database)
         assert layout is not None
-        wanted = Wanted(np.array([0]), True, -(2**63), 2**63 - 1, with_data)
+        wanted = RowFilter(np.array([0]), True, -(2**63), 2**63 - 1, with_data)
         walk = PageWalk(file, layout, wanted, notes.append)
         found = [
             (key, time, found.data[offset : offset + size].tobytes() if with_data else b"")

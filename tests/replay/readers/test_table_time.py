@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.readers.protocol import TimeAxis
+from replay.readers import TimeAxis
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
 
 UNITS = st.sampled_from(sorted(NS_PER_UNIT))

@@ -7,8 +7,8 @@ import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from replay.decoding.batch import joined
-from replay.readers.containers.zstd import unpack_messages
+from replay.messages.batch import joined
+from replay.readers.rosbag2.zstd import unpack_messages
 
 MIB = 2**20
 

@@ -7,7 +7,7 @@ from itertools import accumulate
 from random import Random
 from typing import Final
 
-from replay.readers.containers.bag_records import parse_fields
+from replay.readers.bag.records import parse_fields
 
 _LENGTHS: Final = (0, 1, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**62, 2**63 - 1, 2**63, 2**64 - 1)
 #: What is at the head of a record, a page or a footer.

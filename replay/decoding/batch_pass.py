@@ -1,0 +1,114 @@
+"""A pass over a batch: the memory that it needs, and the columns that it finds."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from replay.decoding.columns import Columns
+from replay.decoding.one_pass import one_pass, room_for
+from replay.decoding.program import Program
+from replay.decoding.together import Together
+from replay.decoding.walk import FAULTS, Encoding, Noted, no_layout
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+#: Elements that lists have on the average, as a first guess; with more, the pass is repeated.
+_ELEMENTS: Final = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WalkedBatch:
+    """The columns of the messages that are whole, and which those are."""
+
+    columns: Columns
+    #: (n,)
+    whole: NDArray[np.bool_]
+    first_fault: str
+
+
+class BatchPass:
+    """A pass over messages of one encapsulation, with the memory that it needs.
+
+    The memory is there before it is done, since it may be done in another thread: what threads
+    allocate themselves is kept apart from all else, and used again by none of the others.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        together: Together,
+        data: Bytes,
+        begins: Ints,
+        sizes: Ints,
+        *,
+        swap: bool,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            program: of the messages' type and encoding.
+            together: the fields that are gathered on the way.
+            data: (bytes,) what they lie in.
+            begins: (n,) where each begins, behind its encapsulation.
+            sizes: (n,) bytes of each from there on.
+            swap: whether their numbers are big-endian.
+        """
+        # a definition may say that messages are large, where the data has small ones only
+        rows = int(np.count_nonzero(sizes >= program.least_bytes))
+        self._program, self._together, self._swap = program, together, swap
+        self._data, self._begins, self._sizes = data, begins, sizes
+        self._gathered = room_for(together.gathering, rows)
+        self._faults = np.empty(begins.size, np.int8)
+        self._places = np.empty(begins.size, np.int64)
+        room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
+        room[0] = rows
+        self._noted = _room_for_marks(program, room)
+
+    def run(self) -> None:
+        """Do it."""
+        program, wire = self._program, self._program.wire
+        while True:
+            one_pass(
+                self._data, self._begins, self._sizes,
+                Encoding(wire.cdr, self._swap, wire.counted), program.steps, self._noted,
+                no_layout(program.nodes), self._together.gathering, self._gathered,
+                self._faults, self._places,
+            )  # fmt: skip
+            filled = self._noted.filled
+            if (filled <= self._noted.room).all():
+                return
+            self._noted = _room_for_marks(program, filled)
+            self._gathered.long_bytes[:] = 0
+
+    def result(self) -> WalkedBatch:
+        """What it found, once it is done."""
+        nodes, bases, _, marks, filled, *_ = self._noted
+        noted = tuple(
+            marks[base : base + filled[node]] for base, node in zip(bases, nodes, strict=True)
+        )
+        root, rows = self._program.root, int(filled[0])
+        columns = Columns(self._data, self._swap, root, noted, rows, self._together, self._gathered)
+        whole = self._faults == 0
+        if whole.all():
+            return WalkedBatch(columns, whole, "")
+        first = int(np.argmin(whole))
+        where = f"(at its byte {self._places[first] + self._program.wire.head})"
+        return WalkedBatch(columns, whole, f"{FAULTS[self._faults[first]]} {where}")
+
+
+def _room_for_marks(program: Program, room: Ints) -> Noted:
+    """Memory for the marks of so many elements of each node."""
+    nodes = program.mark_nodes
+    ends = np.cumsum(room[nodes])
+    return Noted(
+        nodes,
+        bases=ends - room[nodes],
+        room=room,
+        marks=np.empty(int(ends[-1]) if ends.size else 0, np.int64),
+        filled=np.zeros(program.nodes, np.int64),
+        kept=np.empty(program.nodes, np.int64),
+        left=np.empty(program.depth, np.int64),
+    )

@@ -1,0 +1,1 @@
+"""What decoding and reading share: types of messages, their fields, raw batches, broken bytes."""

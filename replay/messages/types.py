@@ -1,0 +1,111 @@
+"""The types of messages as a tree, independent of the library that parsed the definition."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import polars as pl
+
+from replay.messages.library import ROSBAGS, Library
+
+STAMP_TYPES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+HEADER_TYPE: Final = "std_msgs/msg/Header"
+
+#: What a scalar becomes in a column. A stamp is nanoseconds. uint64 keeps its full range.
+COLUMN_DTYPES: Final[dict[str, pl.DataType]] = {
+    "bool": pl.Boolean(),
+    "string": pl.String(),
+    "wstring": pl.String(),
+    "float32": pl.Float64(),
+    "float64": pl.Float64(),
+    "float128": pl.Float64(),
+    "uint64": pl.UInt64(),
+    "stamp": pl.Int64(),
+    **dict.fromkeys(
+        ("byte", "char", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64"),
+        pl.Int64(),
+    ),
+}
+
+#: What it becomes in a column of lists, where a number keeps its size: an image stays bytes.
+ELEMENT_DTYPES: Final[dict[str, pl.DataType]] = {
+    **COLUMN_DTYPES,
+    "float32": pl.Float32(),
+    "byte": pl.Int8(),
+    "int8": pl.Int8(),
+    "int16": pl.Int16(),
+    "int32": pl.Int32(),
+    "char": pl.UInt8(),
+    "uint8": pl.UInt8(),
+    "uint16": pl.UInt16(),
+    "uint32": pl.UInt32(),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A number, a string, or a stamp (time or duration, in ns)."""
+
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class ListOf:
+    """A list of scalars or messages; `length` is None where it varies."""
+
+    element: "Scalar | Record"
+    length: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A message type: its fields in order."""
+
+    name: str
+    fields: tuple[tuple[str, "FieldType"], ...]
+
+    def get(self, name: str) -> "FieldType | None":
+        """The type of a field, or None."""
+        return dict(self.fields).get(name)
+
+    @property
+    def has_header(self) -> bool:
+        """Whether its messages carry a header stamp."""
+        header = self.get("header")
+        return (
+            isinstance(header, Record)
+            and header.name == HEADER_TYPE
+            and header.get("stamp") == Scalar("stamp")
+        )
+
+    @property
+    def has_names(self) -> bool:
+        """Whether elements of its lists can be picked by the names in its list `name`."""
+        return self.get("name") == ListOf(Scalar("string"), None)
+
+
+FieldType = Scalar | ListOf | Record
+
+
+@dataclass(frozen=True, slots=True)
+class MessageType:
+    """How one topic's messages look, and what turns the stored bytes into an object of them."""
+
+    record: Record
+    ros1: bool
+    decode: Callable[[bytes], Any]
+    #: whose objects `decode` gives
+    library: Library = ROSBAGS
+
+
+def leaves(record: Record, prefix: str = "") -> Iterator[str]:
+    """Dotted names of everything that can be a column; a list shows as `effort[]`."""
+    for name, kind in record.fields:
+        path = f"{prefix}{name}"
+        if isinstance(kind, ListOf):
+            path = f"{path}[]"
+        inner = kind.element if isinstance(kind, ListOf) else kind
+        if isinstance(inner, Record):
+            yield from leaves(inner, f"{path}.")
+        else:
+            yield path

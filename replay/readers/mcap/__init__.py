@@ -1,0 +1,5 @@
+"""MCAP files."""
+
+from replay.readers.mcap.file import McapFile
+
+__all__ = ["McapFile"]

@@ -1,0 +1,75 @@
+"""A container: the part of a log that holds raw messages and knows nothing of their types."""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.run import Loss
+from replay.messages.batch import RawBatch
+
+#: No chunk and no message may declare more: recorders write about 1 MB, and a declared size costs
+#: nothing to lie.
+LARGEST_BYTES: Final = 2**30
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """One stream of messages of one type; a topic may have several."""
+
+    id: int
+    topic: str
+    #: ROS 2 spelling (`sensor_msgs/msg/Imu`), also for ROS 1.
+    type: str
+    #: of the messages: `ros1`, `cdr`, `json`, `protobuf`, or another that has no decoder here
+    encoding: str
+    definition: str
+    #: `ros1msg`, `ros2msg`, `ros2idl`, `jsonschema`, `protobuf`, or empty where there is none
+    definition_format: str
+
+
+class Container(Protocol):
+    """Where messages come from. Losses grow while it is read."""
+
+    files: tuple[Path, ...]
+    connections: tuple[Connection, ...]
+
+    @property
+    def losses(self) -> Sequence[Loss]:
+        """What was found damaged so far."""
+        ...
+
+    def log_times(self, connection_id: int) -> NDArray[np.int64]:
+        """The log times of a connection in ns, from the index where there is one, in any order."""
+        ...
+
+    def batches(
+        self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[list[RawBatch]]:
+        """Messages of some connections in file order, both bounds inclusive.
+
+        Batches of several connections that lie in the same memory come together. They are done
+        with when the next ones are asked for: their memory is used again. Damage ends up in
+        `losses`; it raises nothing.
+        """
+        ...
+
+    def check(self) -> int:
+        """Once all messages were read: check the rest of the files.
+
+        Returns:
+            How many CRCs agree, those of the messages among them.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the files."""
+        ...
+
+
+def no_times() -> NDArray[np.int64]:
+    """The log times of a connection without messages."""
+    return np.empty(0, np.int64)

@@ -1,0 +1,72 @@
+"""A file's bytes by position, for several threads at once."""
+
+import zlib
+from pathlib import Path
+from threading import Lock
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_STEP: Final = 2**20
+
+
+class FileBytes:
+    """A file that is read by position.
+
+    It is not mapped into memory: a mapped file counts as memory in use, and one that shrinks while
+    it is read would end the process.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = path.open("rb", buffering=0)
+        self._lock = Lock()
+        self.size = self._file.seek(0, 2)
+
+    def read(self, offset: int, count: int) -> bytes:
+        """At most `count` bytes; fewer at the end of the file, or none for a place outside it."""
+        data = np.empty(max(0, min(count, self.size - offset)), np.uint8)
+        return data[: self.read_into(offset, data)].tobytes()
+
+    def read_into(self, offset: int, target: NDArray[np.uint8]) -> int:
+        """Fill `target` from `offset` on, and say how many bytes the file had."""
+        view, done = target.data, 0
+        if not 0 <= offset <= self.size:
+            return 0
+        with self._lock:
+            self._file.seek(offset)
+            while done < len(view):
+                count = self._file.readinto(view[done:])
+                if not count:
+                    break
+                done += count
+        return done
+
+    def crc32(self, end: int) -> int:
+        """The CRC-32 of everything before an offset."""
+        crc = 0
+        for at in range(0, end, _STEP):
+            crc = zlib.crc32(self.read(at, min(_STEP, end - at)), crc)
+        return crc
+
+    def close(self) -> None:
+        """Release the file."""
+        self._file.close()
+
+
+class ReadBuffer:
+    """A stretch of a file in memory, for many small reads in it; others go to the file."""
+
+    def __init__(self, file: FileBytes, offset: int, count: int) -> None:
+        self.size = file.size
+        self._file = file
+        self._offset = offset
+        self._data = file.read(offset, count)
+
+    def read(self, offset: int, count: int) -> bytes:
+        """As `FileBytes.read`."""
+        at = offset - self._offset
+        if 0 <= at <= len(self._data) - count:
+            return self._data[at : at + count]
+        return self._file.read(offset, count)
