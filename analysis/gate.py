@@ -5,19 +5,17 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.constants import g as standard_gravity
 
-from analysis.labels import first_that_holds
-from analysis.phases import TURNS, beside_speed_rate, span_rows, yaw_pace
+from analysis.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
+from analysis.phases import beside_speed_rate, span_rows, yaw_pace
 from analysis.regressor import Axis, X, axes, regressor
-from analysis.schema import REASON, build, values
+from analysis.schema import PHASE, REASON, build, values
 from analysis.settings import Settings
 from analysis.windows import samples_of, windows_with
-from estimators import information, ls, neighbours
+from estimators import ls, neighbours
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
-
-#: What a window of the z axis may hold: in place the machine spins or stands.
-_IN_PLACE = ("spinning", "standstill")
 
 
 def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
@@ -48,53 +46,44 @@ def _judged(
     window, letter = settings.gate.window_samples, axis.letter
     A, f = regressor(axis, excitation, settings)
     n = f.size
-    phase = excitation["phase"]
+    phase = phase_codes(excitation)
     # a row of unknown phase might be braking, and is in no manoeuvre
-    missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | phase.is_null().to_numpy()
-    has_gap = windows_with(missing, window)
-    complete = ~has_gap
+    missing = ~(np.isfinite(A).all(axis=1) & np.isfinite(f)) | (phase == UNKNOWN)
+    complete = ~windows_with(missing, window)
     complete[: window - 1] = False
-
     rows = np.flatnonzero(complete).astype(np.int64)
-    rho, spread, predicted_std, condition = (
-        np.full(n, np.nan) for _ in ls.WindowStatistics._fields
-    )
-    seen = ls.window_statistics(A, f, window, rows)
-    rho[rows], spread[rows], predicted_std[rows], condition[rows] = seen
-    index = information.information_index(rho)
+    seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
+    for whole, part in zip(seen, ls.window_statistics(A, f, window, rows), strict=True):
+        whole[rows] = part
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
-    # in the order of precedence: the first that holds is the reason
-    refusals: dict[str | None, Bools] = {
-        "warming_up": np.arange(n) < first + window - 1,
-        "gap": has_gap,
-        **_refusals(axis, excitation, settings),
-        "no_variance": np.isnan(rho),
-        "negative_dependence": rho < 0,
-    }
+    slips = slipping(
+        values(excitation, "speed_rate_x_m_s2"), _machine_acceleration(excitation), settings
+    )
+    brakes = _brakes(axis, excitation, settings)
+    flags = {"gap": missing, **row_flags(axis, phase, f, brakes, slips, settings.gate)}
+
+    def nearest(left: Ints) -> Floats:
+        return neighbours.window_mutual_information(
+            A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
+        )
+
+    decided = decide(
+        axis,
+        seen,
+        np.arange(n) < first + window - 1,
+        {why: windows_with(flag, window) for why, flag in flags.items()},
+        nearest,
+        settings.gate,
+    )
     columns: dict[str, Floats | pl.Series] = {
-        f"corr_{letter}_1": np.where(complete & (spread > 0), rho, np.nan),
-        f"mi_{letter}_nat": np.where(complete, index, np.nan),
-        f"predicted_std_{letter}": predicted_std,
+        f"corr_{letter}_1": decided.corr,
+        f"mi_{letter}_nat": decided.mi_nat,
+        f"predicted_std_{letter}": decided.predicted_std,
     }
-    match settings.gate.index:
-        case "information":
-            poor = index < settings.gate.threshold_nat
-        case "variance":
-            x, z = settings.gate.threshold_std_kg, settings.gate.threshold_std_kg_m2
-            poor = ~(predicted_std <= (x if axis is X else z))
-        case "ksg":
-            # costly, so only where nothing else refuses the window
-            left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
-            ksg = np.full(n, np.nan)
-            ksg[left] = neighbours.window_mutual_information(
-                A[:, 0].copy(), f, window, left, settings.gate.ksg_neighbours
-            )
-            columns[f"ksg_{letter}_nat"] = ksg
-            poor = ~(ksg >= settings.gate.threshold_nat)
-    refusals["low_information"] = poor
-    refusals["ill_conditioned"] = ~(condition <= settings.gate.condition_max)
-    reason = first_that_holds(refusals, "accepted", REASON)
+    if decided.ksg_nat is not None:
+        columns[f"ksg_{letter}_nat"] = decided.ksg_nat
+    reason = pl.Series(decided.reasons, dtype=REASON).gather(decided.chosen)
     return {
         **columns,
         f"accepted_{letter}": reason == "accepted",
@@ -102,29 +91,10 @@ def _judged(
     }
 
 
-def _refusals(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> dict[str, Bools]:
-    """What the motion in a window refuses it for, in the order of precedence."""
-    window, phase = settings.gate.window_samples, excitation["phase"]
-    moving = (phase != "standstill").fill_null(True).to_numpy()
-    stands = ~windows_with(moving, window)
-    braking = windows_with(_braking(axis, excitation, settings), window)
-    if axis is X:
-        clipped = _saturated(values(excitation, "force_x_N"), settings.gate.saturation_force_N)
-        return {
-            "saturated": windows_with(clipped, window),
-            "turning": windows_with(phase.is_in(TURNS).fill_null(False).to_numpy(), window),
-            "braking": braking,
-            "standstill": stands,
-            "slip": windows_with(_slipping(excitation, settings), window),
-        }
-    clipped = _saturated(values(excitation, "torque_z_N_m"), settings.gate.saturation_torque_z_N_m)
-    travels = ~phase.is_in(_IN_PLACE).fill_null(True).to_numpy()
-    return {
-        "saturated": windows_with(clipped, window),
-        "translating": windows_with(travels, window),
-        "braking": braking,
-        "standstill": stands,
-    }
+def phase_codes(excitation: pl.DataFrame) -> Codes:
+    """The phases as their places in `PHASES`, (rows,)."""
+    codes = excitation["phase"].cast(PHASE).to_physical().cast(pl.UInt8)
+    return codes.fill_null(UNKNOWN).to_numpy()
 
 
 def accepted_samples(
@@ -160,31 +130,46 @@ def braking_within_sight(braking: Bools, settings: Settings) -> Bools:
 
 
 def _braking(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
+    """The samples that brake, where braking is excluded."""
     if not settings.gate.exclude_braking:
         return np.zeros(excitation.height, np.bool_)
+    return _brakes(axis, excitation, settings)
+
+
+def _brakes(axis: Axis, excitation: pl.DataFrame, settings: Settings) -> Bools:
     if axis is X:
-        return (excitation["phase"] == "braking").fill_null(False).to_numpy()
+        return is_braking(phase_codes(excitation))
     return yaw_pace(values(excitation, "yaw_rate_rad_s"), settings) < 0
 
 
-def _saturated(force: Floats, limit: float | None) -> Bools:
-    if limit is None:
-        return np.zeros(force.size, np.bool_)
-    # a mean of clipped samples is the limit but for rounding
-    return np.abs(force) >= limit * (1.0 - 1e-9)
+def _machine_acceleration(excitation: pl.DataFrame) -> Floats:
+    pitch = values(excitation, "pitch_rad") if "pitch_rad" in excitation.columns else None
+    return without_gravity(values(excitation, "specific_force_x_m_s2"), pitch)
 
 
-def _slipping(excitation: pl.DataFrame, settings: Settings) -> Bools:
-    """Wheels that gain or lose speed otherwise than the accelerometer says.
+def without_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
+    """The accelerometer without gravity where the pitch is known, (rows,) in m/s².
 
-    Gravity is taken out of the accelerometer where the pitch is known; on a slope without it, its
-    share counts as disagreement. Without an accelerometer nothing slips.
+    On a slope without it, gravity's share counts as disagreement with the wheels.
     """
-    if settings.gate.slip_acc_m_s2 is None:
-        return np.zeros(excitation.height, np.bool_)
-    machine = values(excitation, "specific_force_x_m_s2")
-    if "pitch_rad" in excitation.columns:
-        # what local gravity differs from the standard's is far below any slip
-        machine = machine - standard_gravity * np.sin(values(excitation, "pitch_rad"))
-    wheels = values(excitation, "speed_rate_x_m_s2")
-    return np.abs(wheels - beside_speed_rate(machine, settings)) > settings.gate.slip_acc_m_s2
+    if pitch is None:
+        return specific_force
+    # what local gravity differs from the standard's is far below any slip
+    return specific_force - standard_gravity * np.sin(pitch)
+
+
+def slipping(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bools:
+    """Whether wheels gain or lose speed otherwise than the accelerometer says, (rows,).
+
+    Without an accelerometer nothing slips.
+
+    Args:
+        speed_rate: (rows,) of the wheels, in m/s².
+        acceleration: (rows,) of the machine, in m/s², with the rows of the span before.
+        settings: the disagreement that counts, and the span.
+    """
+    limit = settings.gate.slip_acc_m_s2
+    if limit is None:
+        return np.zeros(speed_rate.size, np.bool_)
+    mean = beside_speed_rate(acceleration, settings)[-speed_rate.size :]
+    return np.abs(speed_rate - mean) > limit

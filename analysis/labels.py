@@ -1,10 +1,20 @@
 """Rows labelled by the first condition that holds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+
+
+def first_index(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
+    """Number the first condition (n,) that holds for each row, (n,); their count where none does.
+
+    Args:
+        conditions: in the order of precedence.
+    """
+    numbers = np.arange(len(conditions), dtype=np.uint8)
+    return np.select(list(conditions), list(numbers), np.uint8(len(conditions)))
 
 
 def first_that_holds(
@@ -19,6 +29,4 @@ def first_that_holds(
     """
     # numbers, since rows of text are slow to make
     choices = pl.Series([*conditions, otherwise], dtype=labels)
-    numbers = np.arange(len(conditions), dtype=np.uint8)
-    chosen = np.select(list(conditions.values()), list(numbers), np.uint8(len(conditions)))
-    return choices.gather(chosen)
+    return choices.gather(first_index(list(conditions.values())))

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.column_noise import axis_noise
+from analysis.gate_state import GateRow, GateState, number, start_gate, step_gate
 from analysis.methods import METHODS, Feed, Method
-from analysis.moment import Moment, Watch, start_watch, watch
 from analysis.regressor import X
 from analysis.settings import Settings
 from estimators import incremental
@@ -55,7 +55,7 @@ class State:
     Attributes:
         settings: window, gate, methods.
         window: the last `window_samples` rows and their sums.
-        watched: what the gate remembers of the rows.
+        gate: what the gate remembers of the rows.
         pasts: of the recursive methods, by name.
         settling: accepted windows that they will be fed unless braking follows.
         fed_row: the last row that they were fed, -1 before the first.
@@ -68,7 +68,7 @@ class State:
 
     settings: Settings
     window: incremental.WindowState
-    watched: Watch
+    gate: GateState
     pool: incremental.Pool
     segments: tuple[int, ...]
     standing: tuple[bool, ...]
@@ -87,13 +87,13 @@ class Step:
 
     Attributes:
         state: to step on from.
-        moment: what the gate saw in the window that ends here, and what it decided.
+        gate: what the gate saw in the window that ends here, and what it decided.
         estimates: by method; the windowed ones at every accepted row, the recursive ones when
             that row has settled, `pooled` when a manoeuvre is over.
     """
 
     state: State
-    moment: Moment
+    gate: GateRow
     estimates: Mapping[str, Standing]
 
 
@@ -104,7 +104,7 @@ def start(settings: Settings) -> State:
     return State(
         settings,
         incremental.start_window(parameters, window),
-        start_watch(settings),
+        start_gate(settings),
         incremental.start_pool(parameters),
         (-1,) * window,
         (False,) * window,
@@ -123,24 +123,24 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
     names += ["direction_x_1"] if settings.forces.coulomb else []
     sample = np.array([number(row.get(name)) for name in (*names, "force_x_N")])
     window = incremental.step_window(state.window, sample)
-    moment, watched = watch(state.watched, window, row, settings)
+    gate_row, gate = step_gate(state.gate, window, row, settings)
     state = replace(
         state,
         window=window,
-        watched=watched,
-        segments=(*state.segments[1:], watched.segment_id if watched.known else -1),
+        gate=gate,
+        segments=(*state.segments[1:], gate.segment_id if gate.known else -1),
         standing=(*state.standing[1:], row["phase"] == "standstill"),
     )
     estimates: dict[str, Standing] = {}
-    if moment.accepted:
-        state, estimates = _estimate(state, watched.row)
-    while state.settling and watched.row - state.settling[0].row >= watched.braking_lag - 1:
+    if gate_row.accepted:
+        state, estimates = _estimate(state, gate.row)
+    while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
         state, fed = _feed(state)
         estimates |= fed
     if any(_chosen(settings, Feed.SEGMENTS)):
-        state, finished = _pool(state, watched.row)
+        state, finished = _pool(state, gate.row)
         estimates |= finished
-    return Step(state, moment, estimates)
+    return Step(state, gate_row, estimates)
 
 
 def finish(state: State) -> Iterator[Mapping[str, Standing]]:
@@ -149,14 +149,9 @@ def finish(state: State) -> Iterator[Mapping[str, Standing]]:
         state, fed = _feed(state)
         yield fed
     for pending in state.pending:
-        if state.watched.last_braking < pending.row:
+        if state.gate.last_braking < pending.row:
             state = _add(state, pending)
     yield _standing(state)
-
-
-def number(value: float | None) -> float:
-    """A cell as a float, NaN where it is missing."""
-    return np.nan if value is None else float(value)
 
 
 def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
@@ -187,7 +182,7 @@ def _feed(state: State) -> tuple[State, dict[str, Standing]]:
     """Feed the recursive methods the oldest window that settles, unless it brakes by now."""
     settings, (row, window) = state.settings, state.settling[0]
     state = replace(state, settling=state.settling[1:])
-    if state.watched.last_braking >= row:
+    if state.gate.last_braking >= row:
         return state, {}
     newest = min(row - state.fed_row, settings.gate.window_samples)
     mean = settings.smooth.samples
@@ -212,14 +207,14 @@ def _pending(state: State, row: int, newest: int) -> State:
 
 def _pool(state: State, row: int) -> tuple[State, Mapping[str, Standing]]:
     """Pool the samples that no braking can claim any more; an estimate if a manoeuvre is over."""
-    watched = state.watched
+    gate = state.gate
     waiting = list(state.pending)
-    while waiting and row - waiting[0].row >= watched.braking_lag - 1:
+    while waiting and row - waiting[0].row >= gate.braking_lag - 1:
         first = waiting.pop(0)
-        if watched.last_braking < first.row:
+        if gate.last_braking < first.row:
             state = _add(state, first)
     state = replace(state, pending=tuple(waiting))
-    over = not watched.known or watched.segment_id != state.pooled_id
+    over = not gate.known or gate.segment_id != state.pooled_id
     if over and not any(each.segment_id == state.pooled_id for each in waiting):
         return replace(state, pool=_empty(state), pooled_id=-1), _standing(state)
     return state, {}

@@ -24,28 +24,28 @@ MANOEUVRES = ("standstill", "start", "cruise", "brake")
 def on_board(excitation, settings):
     """Every step, the estimates by method as (row, θ), and the state after the last row."""
     state = online.start(settings)
-    moments, found = [], {method: [] for method in settings.trace.methods}
+    rows_of_gate, found = [], {method: [] for method in settings.trace.methods}
     for row in excitation.iter_rows(named=True):
         step = online.step(state, row)
         state = step.state
-        moments.append(step.moment)
+        rows_of_gate.append(step.gate)
         for method, (at, estimate) in step.estimates.items():
             found[method].append((at, estimate))
     for late in online.finish(state):
         for method, (at, estimate) in late.items():
             found[method].append((at, estimate))
-    return moments, found, state
+    return rows_of_gate, found, state
 
 
 def assert_as_in_replay(excitation, settings):
     gated = gate(excitation, settings)
     frames = trace(excitation, gated, settings)
-    moments, found, _ = on_board(excitation, settings)
-    assert [m.reason for m in moments] == gated["reason_x"].to_list()
+    rows_of_gate, found, _ = on_board(excitation, settings)
+    assert [m.reason for m in rows_of_gate] == gated["reason_x"].to_list()
     for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "ksg_x_nat"):
         if name in gated.columns:
             expected = gated[name].fill_null(np.nan).to_numpy()
-            np.testing.assert_array_equal([getattr(m, name) for m in moments], expected)
+            np.testing.assert_array_equal([getattr(m, name) for m in rows_of_gate], expected)
     times = excitation["t_ns"].to_numpy()
     for method, rows in found.items():
         frame = frames[method]
