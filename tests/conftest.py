@@ -1,14 +1,20 @@
 """What every test may use."""
 
 import os
+import time
 from pathlib import Path
 
 import pytest
 
 REPO = Path(__file__).resolve().parent.parent
+BEGAN = pytest.StashKey[float]()
 
 
-def pytest_configure() -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--seconds", type=float, help="skip the tests that are left after so long")
+
+
+def pytest_configure(config: pytest.Config) -> None:
     """Each parallel worker compiles into a place of its own.
 
     Numba writes which specialisation is in which file, and the file, one after the other: two
@@ -20,6 +26,13 @@ def pytest_configure() -> None:
 
         cache.ensure()
         os.environ["NUMBA_CACHE_DIR"] = str(Path(os.environ["NUMBA_CACHE_DIR"], worker))
+    config.stash[BEGAN] = time.monotonic()
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    seconds = item.config.getoption("--seconds")
+    if seconds is not None and time.monotonic() - item.config.stash[BEGAN] > seconds:
+        pytest.skip(f"the {seconds:g} s are over; make test runs it")
 
 
 @pytest.fixture(scope="session")
