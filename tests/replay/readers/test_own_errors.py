@@ -3,7 +3,7 @@
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -29,22 +29,19 @@ FORMATS = {
 }
 
 
-class Bug(TypeError, KeyError):
+class OwnError(TypeError, KeyError):
     """Of the kinds that libraries raise on broken bytes."""
 
 
 def read_everything(path: Path) -> None:
     """Describe, read and check a log, with its definitions compiled anew."""
     definitions._compiled.cache_clear()
-    try:
-        with open_log(path) as log:
-            for row in log.topics().iter_rows(named=True):
-                if row["problem"] is None:
-                    log.read(row["topic"], row["fields"])
-            log.check()
-            log.losses()
-    except LogError as error:
-        assert str(path) in str(error)
+    with suppress(LogError), open_log(path) as log:
+        for row in log.topics().iter_rows(named=True):
+            if row["problem"] is None:
+                log.read(row["topic"], row["fields"])
+        log.check()
+        log.losses()
 
 
 @contextmanager
@@ -94,12 +91,14 @@ def test_an_error_in_any_function_that_reads_a_format_is_no_damage(
 
                 def fail(seen: CodeType, code: CodeType = code) -> None:
                     if seen is code:
-                        raise Bug
+                        raise OwnError
 
-                with pytest.raises(Bug), on_every_call(fail):
-                    read_everything(path)
-                    hidden.append(f"{Path(code.co_filename).name}: {code.co_qualname}")
-                    raise Bug
+                try:
+                    with on_every_call(fail):
+                        read_everything(path)
+                except OwnError:
+                    continue
+                hidden.append(f"{Path(code.co_filename).name}: {code.co_qualname}")
             tried |= called
     assert len(tried) > 20
     assert not hidden
