@@ -51,28 +51,28 @@ $(BENCH_STAMP): requirements-bench.lock $(TEST_STAMP)
 	@touch $@
 
 docs: $(TEST_STAMP) ## run the documentation's commands and write down what comes out
-	$(BIN)/python docs/update.py
+	$(BIN)/python -P docs/update.py
 
 campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
-	$(BIN)/python benchmarks/campaign.py
+	$(BIN)/python -P benchmarks/campaign.py
 
 coverage: $(TEST_STAMP) ## how often 95 % intervals contain the truth, into the documentation (fifteen minutes)
-	$(BIN)/python benchmarks/intervals.py --write
+	$(BIN)/python -P benchmarks/intervals.py --write
 
 forgetting: $(TEST_STAMP) ## which λ to forget with, into the documentation (four minutes)
-	$(BIN)/python benchmarks/forgetting.py --write
+	$(BIN)/python -P benchmarks/forgetting.py --write
 
 gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fifteen minutes)
-	$(BIN)/python benchmarks/gates.py --write
+	$(BIN)/python -P benchmarks/gates.py --write
 
 reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force
 
 speed: $(BENCH_STAMP) ## the estimators against statsmodels, pandas, NumPy and padasip (two minutes)
-	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python -P benchmarks/speed.py
 
 memory: $(RUN_STAMP) ## the peak memory of a twelve-hour shift through every estimator (two minutes)
-	$(BIN)/python benchmarks/memory.py
+	$(BIN)/python -P benchmarks/memory.py
 
 decoding: $(TEST_STAMP) ## the columnar decoder against rosbags over 2500 random types in each encoding (ten minutes)
 	PAYSCOPE_RANDOM_TYPES=2500 $(BIN)/python -m pytest tests/replay/decoding/test_equality.py
@@ -82,7 +82,7 @@ fuzz: $(TEST_STAMP) ## 600 damaged logs of each of 21 containers: no crash, no h
 	PAYSCOPE_FUZZ_FILES=600 $(BIN)/python -m pytest -s tests/replay/readers/fuzz
 
 reading: $(BENCH_STAMP) ## logs to columns against other readers and the limit (ten minutes)
-	$(BIN)/python benchmarks/decode.py
+	$(BIN)/python -P benchmarks/decode.py
 
 lock: ## resolve the dependencies anew, for every Python from 3.11 (needs uv)
 	uv pip compile pyproject.toml --group build --universal --python-version 3.11 --generate-hashes \

@@ -1,6 +1,6 @@
 """The demo's campaign over many seeds: how good are the calibrated load means?
 
-    python benchmarks/campaign.py [--seeds 20] [--coulomb 300] [--slope 1] [--set key=value]
+    python -P benchmarks/campaign.py [--seeds 20] [--coulomb 300] [--slope 1] [--set key=value]
 
 Prints, for each method, the root mean square errors of the nine-run load means after (19), with
 every load in the fit and with each left out, and the mean bias of the raw estimates.

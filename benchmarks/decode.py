@@ -1,6 +1,6 @@
 """Logs to columns: payscope against rosbags, mcap-ros2-support and -fast, Rerun, and the limit.
 
-    make reading    # or: python benchmarks/decode.py [--minutes 30] [--pairs 5] [--folder KEPT]
+    make reading    # or: python -P benchmarks/decode.py [--minutes 30] [--pairs 5] [--folder KEPT]
 
 Writes one log in every container (`decode_log.py`), then reads each with payscope and with a peer
 in turn, `--pairs` times; what counts is the median of the pairs' ratios. Ours opens the log and
@@ -23,12 +23,12 @@ from typing import Annotated
 import numpy as np
 import polars as pl
 import typer
-from decode_limit import decompressor_of, limit_of
-from decode_log import RUN_FIELDS, write_bag, write_db3, write_mcap
-from decode_peers import PEERS, Peer, drain
 from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer as Writer1
 
+from benchmarks.decode_limit import decompressor_of, limit_of
+from benchmarks.decode_log import RUN_FIELDS, write_bag, write_db3, write_mcap
+from benchmarks.decode_peers import PEERS, Peer, drain
 from replay import open_log
 
 BAG = Writer1.CompressionFormat

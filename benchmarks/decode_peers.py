@@ -11,7 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
-from decode_log import CUSTOM, CUSTOM_TYPE
+from benchmarks.decode_log import CUSTOM, CUSTOM_TYPE
 
 #: Opens a file and gives what goes through its messages, to be taken one by one.
 Peer = Callable[[Path], Any]

@@ -1,6 +1,6 @@
 """Messages a second: the columnar decoder against rosbags on the same bytes.
 
-    .venv/bin/python benchmarks/decode_plans.py [ROWS]
+    .venv/bin/python -P benchmarks/decode_plans.py [ROWS]
 
 Both decode the same messages, which lie in memory, on one thread: rosbags into an object each, the
 plan into a frame of every field, lists as a whole, in batches of ROWS (4096). Reading and
@@ -14,8 +14,8 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from decode_log import CUSTOM_TYPE, store, value
 
+from benchmarks.decode_log import CUSTOM_TYPE, store, value
 from replay.decoding.plan import Plan
 from replay.messages.batch import RawBatch, joined
 from replay.messages.fields import resolve

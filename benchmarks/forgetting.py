@@ -1,6 +1,6 @@
 """Which λ the recursive estimator should forget with, measured.
 
-    python benchmarks/forgetting.py [--seeds 20] [--write]
+    python -P benchmarks/forgetting.py [--seeds 20] [--write]
 
 Three campaigns, each over all seeds: the paper's six loads × nine starts after (19); a change from
 0 to 250 kg; one start followed by 90 s of cruise, gated and not. `--write` puts the table into
@@ -10,8 +10,6 @@ docs/decisions/0011-forgetting.md.
 import numpy as np
 import polars as pl
 import typer
-from page import markdown, put
-from simulated import excitation, joined, scenario
 
 from analysis.calibration.straight_line import calibrate, rms_errors
 from analysis.calibration.trials import run_estimates
@@ -20,6 +18,8 @@ from analysis.regressor import straight
 from analysis.run import Run
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.trace import trace
+from benchmarks.page import markdown, put
+from benchmarks.simulated import excitation, joined, scenario
 from estimators import rls
 from replay import load_machine
 

@@ -1,6 +1,6 @@
 """The three gates compared, at their defaults and where they accept equally much.
 
-    python benchmarks/gates.py [--seeds 4] [--write]
+    python -P benchmarks/gates.py [--seeds 4] [--write]
 
 A candidate is a window that nothing but the gate refuses. Each gate ranks the same candidates by
 its own number; `none` takes them all. `--write` puts the tables into docs/gates.md.
@@ -11,8 +11,6 @@ import time
 import numpy as np
 import polars as pl
 import typer
-from page import markdown, put
-from simulated import joined, scenario
 
 from analysis.calibration.straight_line import calibrate, rms_errors
 from analysis.calibration.trials import run_estimates
@@ -21,6 +19,8 @@ from analysis.regressor import straight
 from analysis.run import Run
 from analysis.simulation import Scenario
 from analysis.trace import trace
+from benchmarks.page import markdown, put
+from benchmarks.simulated import joined, scenario
 from estimators import information, ls, neighbours
 from replay import load_machine
 

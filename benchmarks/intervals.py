@@ -1,6 +1,6 @@
 """How often nominal 95 % intervals contain the truth, over simulated starts with coloured noise.
 
-    python benchmarks/intervals.py [--starts 2100] [--write]
+    python -P benchmarks/intervals.py [--starts 2100] [--write]
 
 One long log of starts is simulated a noise and cut into logs of one, three or thirty; each goes
 through the stages by itself. `--write` puts the table into docs/what-a-mass-is-worth.md.
@@ -11,8 +11,6 @@ import time
 import numpy as np
 import polars as pl
 import typer
-from page import markdown, put
-from simulated import coloured, cut, excitation, scenario
 
 from analysis import Machine
 from analysis.check import Verdict
@@ -23,6 +21,8 @@ from analysis.segments import pooled_samples
 from analysis.simulation import simulate_campaign
 from analysis.smooth import trailing_mean
 from analysis.trace import trace
+from benchmarks.page import markdown, put
+from benchmarks.simulated import coloured, cut, excitation, scenario
 from estimators import pooled
 from replay import load_machine
 

@@ -1,6 +1,6 @@
 """Memory of a twelve-hour shift: the gate, every estimator, and the recording, in one process.
 
-    python benchmarks/memory.py [--hours 12] [--every-window] [--keep FOLDER]
+    python -P benchmarks/memory.py [--hours 12] [--every-window] [--keep FOLDER]
 
 A campaign of starts, simulated at 100 Hz and laid end to end with a pause after each log, goes
 through the pipeline from `forces` on. Prints the peak of the resident memory after each stage.

@@ -1,6 +1,6 @@
 """The estimators' speed against what a user would write: one core each, the same windows.
 
-    make bench      # or: python benchmarks/speed.py [--samples 1e6] [--pairs 5]
+    make bench      # or: python -P benchmarks/speed.py [--samples 1e6] [--pairs 5]
 
 Peers: statsmodels' RollingOLS and WLS, pandas' rolling sums and correlation, NumPy's SVD, padasip's
 RLS. Ours and the peer run in turn, `--pairs` times; what counts is processor time, and the median

@@ -1,4 +1,4 @@
-"""Draw the documentation's pictures anew: python docs/pictures.py (needs a Vulkan driver)."""
+"""Draw the documentation's pictures anew: python -P docs/pictures.py (needs a Vulkan driver)."""
 
 import shutil
 import tempfile

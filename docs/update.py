@@ -1,7 +1,7 @@
 """Run the commands in the documentation and put their real output below them.
 
-    python docs/update.py            rewrite README.md and docs/*.md
-    python docs/update.py --check    exit 1 when what is written is not what comes out
+    python -P docs/update.py            rewrite README.md and docs/*.md
+    python -P docs/update.py --check    exit 1 when what is written is not what comes out
 
 A block begins with ```console; each line `$ payscope …` in it is run in one temporary folder, page
 after page, so that a page may use what one before it made. Numbers may differ by 1 % between
