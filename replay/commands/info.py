@@ -23,16 +23,16 @@ def command(
     time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
     check: Annotated[
         bool,
-        typer.Option("--check", help="Read and decode everything; status 1 if anything is lost."),
+        typer.Option("--check", help="Read and decode everything; exit 1 if anything is missing."),
     ] = False,
-    timezone: Annotated[str, typer.Option(help="The time zone to read times in.")] = "UTC",
+    timezone: Annotated[str, typer.Option(help="The time zone of the times shown.")] = "UTC",
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
 ) -> None:
-    """Show topics, types, counts, rates and gaps, by the log's index where it has one.
+    """Show the topics, types, counts, rates and gaps of logs, from the index where there is one.
 
-    Damage shows only where that look came upon it. With --check every message of every topic is
-    read and walked to its end, every CRC compared and the index held against what is there: then
-    all damage shows, and the exit status is 1 unless the log is whole.
+    Without --check, only damage in the parts read is reported. With it, every message of every
+    topic is read and decoded, every CRC compared and the index checked against the records; the
+    exit status is 1 if anything is missing or damaged.
     """
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 

@@ -7,13 +7,13 @@ import typer
 
 
 def command(
-    log: Annotated[Path, typer.Argument(help="A log to look at.")],
+    log: Annotated[Path, typer.Argument(help="The log.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The machine file to write.")],
     time: Annotated[str | None, typer.Option(help="The time column of a table.")] = None,
     time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Write a first machine file from what a log holds, to be checked and completed by hand."""
+    """Draft a machine file from the contents of a log, to be checked and completed by hand."""
     from recordings.output import keep_apart, whole_file
     from replay.commands.table_time import time_axis_of
     from replay.guess import machine_file

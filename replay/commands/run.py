@@ -26,17 +26,17 @@ def command(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Override the machine file; repeatable."),
     ] = None,
-    timing: Annotated[bool, typer.Option(help="Print the seconds of each stage.")] = False,
+    timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
     strict: Annotated[bool, typer.Option(help="Refuse a log with any loss.")] = False,
     live: Annotated[
-        bool, typer.Option("--live", help="Watch the recording in the viewer as it is written.")
+        bool, typer.Option("--live", help="Show the recording in the viewer while it is written.")
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
-    """Replay logs (in one time line) and say what the machine weighs, and whether to believe it.
+    """Replay logs as one time line and estimate the mass; judge whether these logs can weigh.
 
-    Exit status 1 when the log cannot weigh: the mass is withheld and the failed checks are listed.
+    Exit status 1 if they cannot: the mass is withheld and the failed checks are listed.
     """
     from replay.commands.printing import print_json
     from replay.commands.progress import Stages

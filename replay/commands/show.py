@@ -27,22 +27,24 @@ class Format(StrEnum):
 def command(
     recording: Annotated[Path, typer.Argument(help="A recording (.rrd).")],
     stage: Annotated[
-        str | None, typer.Argument(help="A stage, such as gate or estimates/ls; none lists them.")
+        str | None,
+        typer.Argument(help="A stage, such as gate or estimates/ls; without one, list them."),
     ] = None,
     start_s: Annotated[
-        float | None, typer.Option("--from", help="First second, from the start of the run.")
+        float | None,
+        typer.Option("--from", help="First second to print, from the start of the run."),
     ] = None,
-    end_s: Annotated[float | None, typer.Option("--to", help="Last second.")] = None,
+    end_s: Annotated[float | None, typer.Option("--to", help="Last second to print.")] = None,
     output_format: Annotated[
         Format | None,
-        typer.Option("--format", help="A table, or what -o ends in, unless given."),
+        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write to a file instead.")
+        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Print a stage of a recording; without a stage, list what it holds."""
+    """Print a stage of a recording, or list its stages."""
     if stage is not None:
         wanted = output_format and output_format.value
         _show_stage(recording, stage, (start_s, end_s), wanted, output, force=force)

@@ -48,8 +48,8 @@ def command(
         typer.Option(
             "--over",
             metavar="KEY=VALUES",
-            help="What to vary: KEY=FROM:TO:STEP (both ends included) or KEY=A,B,C; "
-            "repeat it for a grid.",
+            help="Setting to vary: KEY=FROM:TO:STEP (both ends included) or KEY=A,B,C; "
+            "repeatable, for a grid.",
         ),
     ],
     overrides: Annotated[
@@ -58,23 +58,25 @@ def command(
     ] = None,
     reference_kg: Annotated[
         float | None,
-        typer.Option("--reference", metavar="KG", help="The true mass: adds each mass's error."),
+        typer.Option(
+            "--reference", metavar="KG", help="The true mass; the error of each mass is added."
+        ),
     ] = None,
     output_format: Annotated[
         Format | None,
-        typer.Option("--format", help="A table, or what -o ends in, unless given."),
+        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Write to a file instead.")
+        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Replay logs over the values of settings: masses, accepted share and verdict of each.
+    """Replay logs once for each combination of settings and compare masses and verdicts.
 
-    With the truth of a simulation beside the logs, root mean square errors of the runs' masses as
-    in the paper's Tables 3 and 4. A combination that cannot weigh is marked and has no mass.
-    Exit status 1 when none can.
+    If the truth of a simulation lies beside the logs, the root mean square errors of the runs'
+    masses are given as in the paper's Tables 3 and 4. A combination that cannot weigh has no mass.
+    Exit status 1 if none can.
     """
     if as_json and output_format not in (None, Format.json):
         raise typer.BadParameter("--json and --format differ; give one of them")
