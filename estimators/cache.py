@@ -1,52 +1,84 @@
-"""A place for numba's compiled functions that no other version of the sources has filled.
+"""Folders for compiled functions, one for each state of the sources that are compiled into them.
 
 Numba keeps what it compiles, so that only the first use waits for it. But it looks at a function's
-own file alone to see whether that still holds, and compiled loops contain those that they call from
-other files; so the place is named after all sources. Where neither the folder of the sources nor
-the user's can be written to (an installation by root, a service account) it lasts as long as the
-process.
+own file alone to see whether that still holds, and a compiled loop contains those that it calls
+from other files. So a folder is named after a module and the sources of all that the module imports
+of its own package and of this one: an edit elsewhere compiles nothing anew. Where neither the
+folder of the sources nor the user's can be written to (an installation by root, a service account)
+compiled functions last as long as the process.
 """
 
 import atexit
 import hashlib
 import os
+import re
 import shutil
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Final
 
-_HERE: Final = Path(__file__).parent
-_PREFIX: Final = "payscope-numba-"
-#: The packages that compile anything.
-_COMPILED: Final = ("estimators", "replay")
-#: Places of other versions that are left: the latest used.
-_MOST_PLACES: Final = 3
+#: Holds the packages.
+_HOUSE: Final = Path(__file__).parent.parent
+_NAME: Final = "payscope-numba"
+#: Folders of other states of a module that are left: the latest used.
+_MOST_STATES: Final = 3
+#: Imports at the top level of a module: compiled functions see no others.
+_IMPORT: Final = re.compile(rb"^(?:from|import) +([\w.]+)(?: +import +(\([^)]*\)|.*))?", re.M)
 
 
-def ensure() -> None:
-    """Name the place in NUMBA_CACHE_DIR, unless the user named one."""
+def folder_of(source: Path) -> Path:
+    """Make the folder for the compiled functions of a module, given its file in a package.
+
+    It lies in NUMBA_CACHE_DIR where the user has set that.
+    """
+    inside = source.relative_to(_HOUSE)
+    module = ".".join(inside.with_suffix("").parts)
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen and not Path(chosen).name.startswith(_PREFIX):
-        return
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 - no error without a home
-    for folder in (_HERE / "__pycache__", Path(home, "payscope")):
-        place = folder / f"{_PREFIX}{_digest()}"
-        if _is_writable(place):
-            _forget_old(folder, place)
-            os.environ["NUMBA_CACHE_DIR"] = str(place)
-            return
-    passing = tempfile.mkdtemp(prefix=_PREFIX)
-    os.environ["NUMBA_CACHE_DIR"] = passing
-    atexit.register(shutil.rmtree, passing, ignore_errors=True)
+    usual = (_HOUSE / inside.parts[0] / "__pycache__" / _NAME, Path(home, "payscope", _NAME))
+    for parent in (Path(chosen, _NAME),) if chosen else usual:
+        folder = parent / module / _digest(source)
+        if _is_writable(folder):
+            _forget_old(folder)
+            return folder
+    return _passing() / module
 
 
-def _digest() -> str:
-    """Of every source that may be compiled."""
-    sources = hashlib.sha256()
-    for package in _COMPILED:
-        for path in sorted((_HERE.parent / package).rglob("*.py")):
-            sources.update(path.name.encode() + b"\0" + path.read_bytes())
-    return sources.hexdigest()[:16]
+@cache
+def _passing() -> Path:
+    """Make a folder that lasts as long as the process."""
+    folder = tempfile.mkdtemp(prefix=f"{_NAME}-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
+def _digest(source: Path) -> str:
+    """Hash the sources of a module and of all that it imports of its package and of this one."""
+    packages = {Path(__file__).parent.name, source.relative_to(_HOUSE).parts[0]}
+    found: set[Path] = set()
+    left = [source]
+    while left:
+        path = left.pop()
+        if path not in found and path.relative_to(_HOUSE).parts[0] in packages:
+            found.add(path)
+            left += _read(path)[1]
+    digest = hashlib.sha256()
+    for path in sorted(found):
+        digest.update(path.relative_to(_HOUSE).as_posix().encode() + b"\0" + _read(path)[0])
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _read(source: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Read a module: its source, and the files of those that it imports from beside it."""
+    text = source.read_bytes()
+    modules: set[Path] = set()
+    for package, names in _IMPORT.findall(text):
+        home = _HOUSE.joinpath(*package.decode().split("."))
+        modules |= {home, *(home / name for name in re.findall(r"\w+", names.decode()))}
+    files = (path for each in modules for path in (each.with_suffix(".py"), each / "__init__.py"))
+    return text, tuple(path for path in files if path.is_file())
 
 
 def _is_writable(folder: Path) -> bool:
@@ -58,9 +90,9 @@ def _is_writable(folder: Path) -> bool:
     return os.access(folder, os.W_OK | os.X_OK)
 
 
-def _forget_old(folder: Path, place: Path) -> None:
-    """Remove what other versions compiled, but for the latest few."""
-    others = [each for each in folder.glob(f"{_PREFIX}*") if each != place]
+def _forget_old(folder: Path) -> None:
+    """Remove what other states of the module were compiled into, but for the latest few."""
+    others = [each for each in folder.parent.iterdir() if each != folder]
     by_age = sorted(others, key=lambda each: each.stat().st_mtime)
-    for each in by_age[: max(0, len(by_age) - _MOST_PLACES)]:
+    for each in by_age[: max(0, len(by_age) - _MOST_STATES)]:
         shutil.rmtree(each, ignore_errors=True)

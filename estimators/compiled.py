@@ -2,18 +2,49 @@
 
 With numpy's error model a division by zero is infinite, without which no loop that divides is
 vectorised; the interpreter's lock is released, so that threads may share a log; what is compiled is
-kept for the next process. Nothing may be reassociated or contracted: a loop gives the same bits for
-one window as for many, and so on board as in replay.
+kept for the next process (`estimators.cache`). Nothing may be reassociated or contracted: a loop
+gives the same bits for one window as for many, and so on board as in replay.
 """
 
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from threading import Lock
+from typing import Any, Final, TypeVar, cast
 
 from numba import njit
+from numba.core import config
+
+from estimators.cache import folder_of
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+_OPTIONS: Final[dict[str, Any]] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    # nothing takes these functions as pointers of C
+    "no_cfunc_wrapper": True,
+}
+_SETTINGS: Final[Any] = config
+_FOLDER_OF: Final = cache(folder_of)
+_ONE_AT_A_TIME: Final = Lock()
 
 
 def compiled(function: F) -> F:
     """Compile a function of arrays when it is first called."""
-    return cast("F", njit(cache=True, nogil=True, error_model="numpy")(function))
+    with _kept_in(_FOLDER_OF(Path(function.__code__.co_filename))):
+        return cast("F", njit(**_OPTIONS)(function))
+
+
+@contextmanager
+def _kept_in(folder: Path) -> Generator[None]:
+    """Let numba keep in a folder what is decorated meanwhile, and nothing else in the process."""
+    with _ONE_AT_A_TIME:
+        usual = _SETTINGS.CACHE_DIR
+        _SETTINGS.CACHE_DIR = str(folder)
+        try:
+            yield
+        finally:
+            _SETTINGS.CACHE_DIR = usual

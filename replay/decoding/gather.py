@@ -7,9 +7,9 @@ it gives 0.
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.decoding.unaligned import copy, load16, load32, load64, widened
 
 Bytes = NDArray[np.uint8]
@@ -36,7 +36,7 @@ LOADS: Final = {
 _INLINE: Final = 12
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: Ints) -> None:
     """Values of a column as 64 bits each: floats as double, stamps in ns.
 
@@ -82,22 +82,22 @@ def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: I
             out[k] = _signed(value, 8 * size) if how < 0 else value
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _signed(value: int, bits: int) -> int:
     return value << 64 - bits >> 64 - bits
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _swapped4(value: int) -> int:
     return (value & 0xFF) << 24 | (value & 0xFF00) << 8 | value >> 8 & 0xFF00 | value >> 24 & 0xFF
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _swapped8(value: int) -> int:
     return _swapped4(value) << 32 | _swapped4(value >> 32)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes) -> None:
     """Copy runs of one size, one behind the other.
 
@@ -112,7 +112,7 @@ def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes)
         copy(data, positions[k] + offset, out, k * size, size)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def view(data: Bytes, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: Bytes) -> int:
     """Strings as Arrow's views of them (n, 4): size, then all of it, or else where the text is.
 
@@ -148,7 +148,7 @@ def view(data: Bytes, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: 
     return to
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
     to = 0
     for k in range(starts.size):
@@ -156,7 +156,7 @@ def _copy(data: Bytes, starts: Ints, sizes: Ints, out: Bytes) -> None:
         to += sizes[k]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _find(data: Bytes, starts: Ints, sizes: Ints, counts: Ints, name: Bytes, found: Ints) -> None:
     first = 0
     for row in range(counts.size):

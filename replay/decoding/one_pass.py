@@ -7,9 +7,9 @@ columns are gathered; a batch does not.
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.decoding.gather import copy_equal, load, view
 from replay.decoding.together import Gathering
 from replay.decoding.walk import Encoding, Layout, Noted, walk
@@ -43,7 +43,7 @@ def room_for(gathering: Gathering, rows: int) -> Gathered:
     )
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def one_pass(
     data: Bytes,
     begins: Ints,
@@ -80,7 +80,7 @@ def one_pass(
         _gather(data, noted, gathering, gathered, encoding.swap, row, filled[0])
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _gather(
     data: Bytes,
     noted: Noted,

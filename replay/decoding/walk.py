@@ -15,9 +15,9 @@ It is one function: an array that is handed to another costs as much as a step.
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.decoding.program import Column, Op
 from replay.decoding.unaligned import fetch, load32, load64
 
@@ -107,7 +107,7 @@ def no_layout(nodes: int) -> Layout:
     return Layout(checks, notes, np.zeros(nodes, np.int64), state)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def walk(
     data: NDArray[np.uint8],
     begins: Ints,
@@ -323,7 +323,7 @@ def encapsulations(data: NDArray[np.uint8], offsets: Ints, lengths: Ints) -> Int
     return kinds
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds: Ints) -> None:
     for k in range(offsets.size):
         if k + _AHEAD < offsets.size:
@@ -332,7 +332,7 @@ def _name_encodings(data: NDArray[np.uint8], offsets: Ints, lengths: Ints, kinds
         kinds[k] = np.int64(data[at]) << 8 | data[at + 1] if lengths[k] >= 4 else TOO_SHORT
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _is_utf8(data: NDArray[np.uint8], start: int, end: int) -> bool:
     """Whether bytes are UTF-8 as Unicode defines it (table 3-7), which Python decodes too."""
     at = start

@@ -1,89 +1,156 @@
-"""A place for numba's cache, whoever runs payscope and wherever it lies."""
+"""Folders for numba's cache, whoever runs payscope and wherever it lies."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from estimators import cache
 
+REPO = Path(cache.__file__).parent.parent
+
 
 @pytest.fixture
 def nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither the package's folder nor the home can be written to, not even by root."""
+    """The home cannot be written to, not even by root, and no folder is chosen."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", "")
     monkeypatch.delenv("NUMBA_CACHE_DIR")
     monkeypatch.setenv("XDG_CACHE_HOME", "/dev/null/cache")
-    monkeypatch.setattr(cache, "_HERE", Path("/dev/null"))
 
 
 @pytest.fixture
-def sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A folder of sources that can be written to."""
-    folder = tmp_path / "estimators"
-    folder.mkdir()
-    (folder / "ls.py").write_text("first")
-    monkeypatch.setattr(cache, "_HERE", folder)
-    return folder
+def house(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """Packages that can be written to: `ls` calls `rolling`, and `walk` calls `wire`."""
+    sources = {
+        "estimators/compiled.py": "",
+        "estimators/ls.py": "from estimators import (\n    compiled,\n    rolling,\n)\n",
+        "estimators/rolling.py": "from estimators.compiled import compiled\n",
+        "estimators/errors.py": "",
+        "replay/walk.py": "from estimators.compiled import compiled\nfrom replay.wire import CDR\n",
+        "replay/wire.py": "import replay.gather\n",
+        "replay/gather.py": "",
+        "replay/cli.py": "from replay.walk import walk\n",
+    }
+    for name, text in sources.items():
+        path = tmp_path / "house" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr(cache, "_HOUSE", tmp_path / "house")
+    return tmp_path / "house"
 
 
-def place() -> Path:
-    cache.ensure()
-    return Path(os.environ["NUMBA_CACHE_DIR"])
+def folder(source: Path) -> Path:
+    """The folder as a new process would find it."""
+    cache._read.cache_clear()
+    return cache.folder_of(source)
+
+
+def lock(house: Path) -> None:
+    """Put files where the folders of compiled functions would be: not even root gets past them."""
+    for package in house.iterdir():
+        (package / "__pycache__").write_text("")
 
 
 @pytest.mark.usefixtures("nowhere")
-def test_without_a_place_beside_the_source_or_at_home_it_makes_a_private_one() -> None:
-    made = place()
+def test_without_a_folder_beside_the_source_or_at_home_it_makes_a_private_one(house: Path) -> None:
+    lock(house)
+    made = folder(house / "estimators/ls.py").parent
     assert made.is_dir()
     assert made.stat().st_mode & 0o077 == 0
 
 
 @pytest.mark.usefixtures("nowhere")
 def test_a_locked_installation_compiles_into_the_users_cache(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    house: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
+    lock(house)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert place().parent == tmp_path / "payscope"
+    assert folder(house / "estimators/ls.py").is_relative_to(tmp_path / "payscope")
 
 
 @pytest.mark.usefixtures("nowhere")
-def test_a_place_that_was_chosen_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "/chosen")
-    assert place() == Path("/chosen")
+def test_a_folder_that_was_chosen_is_used(
+    house: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "chosen"))
+    made = folder(house / "estimators/ls.py")
+    assert made.is_relative_to(tmp_path / "chosen")
+    (house / "estimators/rolling.py").write_text("another")
+    assert folder(house / "estimators/ls.py") != made
 
 
 @pytest.mark.usefixtures("nowhere")
-def test_a_change_in_any_source_has_its_own_place_also_in_a_child_process(sources: Path) -> None:
+@pytest.mark.parametrize(
+    ("source", "others"),
+    [
+        ("estimators/ls.py", ["estimators/ls.py", "estimators/rolling.py"]),
+        ("replay/walk.py", ["replay/wire.py", "replay/gather.py", "estimators/compiled.py"]),
+    ],
+)
+def test_a_change_in_any_source_that_is_compiled_in_has_its_own_folder(
+    house: Path, source: str, others: list[str]
+) -> None:
     """Numba looks at a function's own file alone, and it holds what it calls from others."""
-    first = place()
-    assert first.parent == sources / "__pycache__"
-    assert place() == first
-    (sources / "rolling.py").write_text("another")
-    second = place()
-    assert second != first
-    readers = sources.parent / "replay/readers"
-    readers.mkdir(parents=True)
-    (readers / "walk.py").write_text("a third")
-    assert place() not in (first, second)
-
-
-def test_every_package_that_compiles_is_looked_at() -> None:
-    house = Path(cache.__file__).parent.parent
-    compiling = {
-        path.relative_to(house).parts[0]
-        for package in ("estimators", "analysis", "recordings", "replay")
-        for path in (house / package).rglob("*.py")
-        if "import compiled" in path.read_text() or "njit" in path.read_text()
-    }
-    assert compiling <= set(cache._COMPILED)
+    seen = {folder(house / source)}
+    assert folder(house / source) in seen
+    assert all(each.is_relative_to(house / source.partition("/")[0]) for each in seen)
+    for number, other in enumerate(others, start=1):
+        path = house / other
+        path.write_text(f"{path.read_text()}# edited\n")
+        seen.add(folder(house / source))
+        assert len(seen) == number + 1, other
 
 
 @pytest.mark.usefixtures("nowhere")
-def test_what_old_versions_compiled_is_forgotten(sources: Path) -> None:
+@pytest.mark.parametrize("other", ["estimators/errors.py", "replay/walk.py", "replay/cli.py"])
+def test_a_change_in_what_a_module_does_not_import_compiles_nothing_anew(
+    house: Path, other: str
+) -> None:
+    before = folder(house / "estimators/ls.py")
+    (house / other).write_text("edited")
+    assert folder(house / "estimators/ls.py") == before
+
+
+@pytest.mark.usefixtures("nowhere")
+def test_what_old_versions_compiled_is_forgotten(house: Path) -> None:
     for version in range(8):
-        (sources / "ls.py").write_text(str(version))
-        last = place()
+        (house / "estimators/rolling.py").write_text(str(version))
+        last = folder(house / "estimators/ls.py")
     left = list(last.parent.iterdir())
     assert last in left
     assert len(left) == 4
+
+
+def test_every_compiled_function_is_kept_in_such_a_folder() -> None:
+    for package in ("estimators", "analysis", "recordings", "replay"):
+        for path in (REPO / package).rglob("*.py"):
+            if path != REPO / "estimators/compiled.py":
+                assert "njit" not in path.read_text(), path
+
+
+def test_importing_the_estimators_changes_nothing_of_the_process_and_reads_nothing_above() -> None:
+    code = (
+        "import os, sys, numba\n"
+        "before = dict(os.environ), numba.config.CACHE_DIR\n"
+        "opened = []\n"
+        "def note(event, args):\n"
+        "    if event == 'open':\n"
+        "        opened.append(str(args[0]))\n"
+        "sys.addaudithook(note)\n"
+        "from estimators import cache, fgls, huber, incremental, ls, pooled, rls, rtls, tls\n"
+        "assert (dict(os.environ), numba.config.CACHE_DIR) == before\n"
+        "above = [cache._HOUSE / name for name in ('analysis', 'recordings', 'replay')]\n"
+        "print([each for each in opened if each.startswith(tuple(map(str, above)))])\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    ran = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=REPO,
+        env=environment,
+    )
+    assert ran.stdout.strip() == "[]"

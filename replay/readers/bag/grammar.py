@@ -3,9 +3,9 @@
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.decoding.unaligned import load32, load64
 from replay.readers.bag.records import CONNECTION, LONGEST_HEADER, MESSAGE
 from replay.readers.blocks import Grammar
@@ -19,7 +19,7 @@ _OP, _CONN, _TIME = (int.from_bytes(name, "little") for name in (b"op=", b"conn=
 _3_BYTES, _5_BYTES = 2**24 - 1, 2**40 - 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _parse(
     data: NDArray[np.uint8], at: int, end: int, longest: int
 ) -> tuple[int, int, int, int, int]:
@@ -52,7 +52,7 @@ def _parse(
     return op, connection, time, body, body + load32(data, fields_end)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _scan(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -78,7 +78,7 @@ def _scan(
     return found, at
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - 7):
         at = first

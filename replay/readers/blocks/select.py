@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.messages.batch import RawBatch
 from replay.readers.blocks.slabs import Slab
 from replay.readers.storage import KEY, LENGTH, OFFSET, TIME
@@ -38,7 +38,7 @@ def select(
         begin = end
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _part(rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: Ints) -> None:
     """Put offset, length and time of each wanted message behind those of its connection.
 
@@ -77,7 +77,7 @@ def key_index(found: Ints, keys: Ints) -> Ints:
     return places
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _search(found: Ints, keys: Ints, places: Ints) -> None:
     first = keys[0] if keys.size else 0
     for row in range(found.size):
@@ -120,7 +120,7 @@ def chunk_stats(slab: Slab, keys: Ints) -> list[Tally]:
     return [Tally(held, *span) for held, span in pairs]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _count(rows: Ints, bounds: Ints, owners: Ints, counts: Ints, spans: Ints) -> None:
     for part in range(bounds.shape[0]):
         for row in range(bounds[part, 0], bounds[part, 1]):

@@ -3,9 +3,9 @@
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.decoding.unaligned import load16, load32, load64
 from replay.readers.blocks import Grammar
 from replay.readers.mcap.records import CHANNEL, CHUNK, DATA_END, MESSAGE, RECORD_HEAD, SCHEMA
@@ -21,7 +21,7 @@ _LONGEST_NAME: Final = 32
 _PROVEN: Final = 4
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _scan(
     data: NDArray[np.uint8], begin: int, end: int, rows: NDArray[np.int64], row: int
 ) -> tuple[int, int]:
@@ -62,7 +62,7 @@ def _scan(
     return found, at
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, int]:
     """Where the record at `at` ends, and how much its looks prove; 0 that it is none."""
     opcode = np.int64(data[at])
@@ -85,7 +85,7 @@ def _link(data: NDArray[np.uint8], at: int, end: int, limit: int) -> tuple[int, 
     return at + _HEAD + length, proof
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _find(data: NDArray[np.uint8], begin: int, end: int, limit: int) -> int:
     for first in range(begin, end - _HEAD + 1):
         at = first

@@ -3,9 +3,9 @@
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.readers.sqlite.pages import PageLayout
 from replay.readers.storage import LARGEST_BYTES
 
@@ -22,7 +22,7 @@ _BLOB: Final = 12
 MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
     """An unsigned integer of less than 8 bytes."""
     value = np.int64(0)
@@ -31,7 +31,7 @@ def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     """A two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[at])
@@ -42,7 +42,7 @@ def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     """An integer of 1 to 9 bytes, and where it ends: -1 where not before `end`."""
     value, bits, stop = np.int64(0), 0, -1
@@ -61,7 +61,7 @@ def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     return value, stop  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _size(kind: int) -> int:
     """Bytes of a value of a record's type; -1 for what is no type."""
     if kind >= _BLOB:
@@ -75,7 +75,7 @@ def _size(kind: int) -> int:
     return 8 if kind <= _FLOAT else 0
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _local_bytes(payload: int, usable: int) -> int:
     """How much of a record stands in its leaf; the rest is on overflow pages."""
     if payload <= usable - 35:
@@ -85,7 +85,7 @@ def _local_bytes(payload: int, usable: int) -> int:
     return some if some <= usable - 35 else least
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def parse_cell(
     data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout, with_data: bool
 ) -> tuple[int, int, int, int, int, int, int, int]:

@@ -3,9 +3,9 @@
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.readers.sqlite.cells import big_endian
 from replay.readers.sqlite.leaves import PageRanges
 from replay.readers.sqlite.pages import PageLayout
@@ -78,7 +78,7 @@ class Chains:
             raise OSError("the file became shorter")
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _find(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
     """Where a page is in the data, -1 where not."""
     run = np.searchsorted(at_hand[0], page, side="right") - 1
@@ -87,7 +87,7 @@ def _find(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
     return at_hand[2, run] + (page - at_hand[0, run]) * page_bytes
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _join(
     data: NDArray[np.uint8],
     at_hand: NDArray[np.int64],

@@ -3,9 +3,9 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.readers.sqlite.cells import big_endian
 from replay.readers.sqlite.pages import LEAF, PageLayout
 from replay.readers.storage import FileBytes
@@ -68,7 +68,7 @@ def _below(
     return np.concatenate(found)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _children(
     data: NDArray[np.uint8], slots: NDArray[np.int64], usable: int, found: NDArray[np.uint32]
 ) -> int:

@@ -3,9 +3,9 @@
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from replay.readers.sqlite.cells import (
     DAMAGED,
     MESSAGE,
@@ -29,7 +29,7 @@ ROW, BEGIN, LOCAL, PAGE, REST = range(5)
 AT_LEAF, AT_CELL, LAST_ID, GAPS, IN_GAP, ODD, FIRST_ODD = range(7)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def scan_leaves(
     data: NDArray[np.uint8],
     leaves: NDArray[np.int64],
@@ -116,7 +116,7 @@ def scan_leaves(
     return found, spilled, used, True
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _holds(keys: NDArray[np.int64], key: int) -> bool:
     """Whether a key is among some that ascend."""
     first, last = 0, keys.size
@@ -129,7 +129,7 @@ def _holds(keys: NDArray[np.int64], key: int) -> bool:
     return bool(first < keys.size and keys[first] == key)
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
     """Nothing can be read here."""
     if state[IN_GAP] == 0:
@@ -140,7 +140,7 @@ def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
         state[IN_GAP] = 1
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _close_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
     """Here is a row again."""
     if state[IN_GAP] == 1 and state[GAPS] <= gaps.shape[1]:
