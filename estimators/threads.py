@@ -1,11 +1,13 @@
-"""Windows in chunks, on as many cores as there are where a chunk is worth a thread."""
+"""Windows in chunks, on as many cores as are worth it; sums that do not depend on their number."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
 from numba.core import config
+from threadpoolctl import threadpool_limits
 
 #: Windows that are worked on together: their sums stay in the cache, and Python costs nothing.
 CHUNK: Final = 8192
@@ -32,3 +34,15 @@ def in_chunks(work: Callable[[slice], None], rows: int) -> None:
         return
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, chunks))
+
+
+@contextmanager
+def one_blas_thread() -> Generator[None]:
+    """Keep BLAS to one thread, as a context or as the decorator of a function.
+
+    BLAS splits sums over long vectors among its threads, so that their last bits depend on how
+    many there are. What is long is worked on by loops of our own, so nothing becomes slower.
+    The limit is the process's: whoever sets it first lifts it for all.
+    """
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield

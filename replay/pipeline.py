@@ -18,6 +18,7 @@ from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
+from estimators.threads import one_blas_thread
 from replay.inputs import named_by_topic, provenance, read_channels
 from replay.readers import Log
 
@@ -28,6 +29,7 @@ STAGES: Final = (
 )
 
 
+@one_blas_thread()  # or the last bits depend on the number of cores
 def run(
     logs: Log | Sequence[Log], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
