@@ -143,7 +143,7 @@ class Figure8:
 def figure_8(digests: Digests) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
     table = mean_intervals(_loads(digests), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"])
-    ratios = table.group_by("load_kg").agg(
+    ratios = table.group_by("load_kg", maintain_order=True).agg(
         (pl.col("rms_left_out_kg") / pl.col("rms_kg")).mean().alias("ratio")
     )
     ends = pl.col("load_kg").is_in([ratios["load_kg"].min(), ratios["load_kg"].max()])

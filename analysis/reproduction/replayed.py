@@ -110,7 +110,7 @@ def trial_bound_kg(campaign: ReplayedCampaign) -> float:
         .join_asof(campaign.noise_free.sort("time_ns"), on="time_ns")
         .join_asof(campaign.trials.sort("start_ns"), left_on="time_ns", right_on="start_ns")
         .filter((pl.col("time_ns") < pl.col("end_ns")) & (pl.col("phase") != "braking"))
-        .group_by("load_kg", "run", "mass_kg", "friction_N_s_m")
+        .group_by("load_kg", "run", "mass_kg", "friction_N_s_m", maintain_order=True)
         .agg(aa=(a * a).sum(), av=(a * v).sum(), vv=(v * v).sum())
     )
     noise_N = [

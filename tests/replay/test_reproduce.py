@@ -113,6 +113,15 @@ def test_a_window_that_the_gate_refuses_everywhere_has_no_bound() -> None:
     assert trial_bound_kg(refused) != trial_bound_kg(refused)
 
 
+def test_the_bound_is_the_same_to_the_last_digit_each_time() -> None:
+    short = Scenario()
+    campaign = short.campaign.model_copy(update={"loads_kg": (0.0, 100.0), "runs": 6})
+    replayed = replay_simulated(
+        short.model_copy(update={"campaign": campaign}), load_machine("cat262c.toml")
+    )
+    assert len({trial_bound_kg(replayed) for _ in range(20)}) == 1
+
+
 def test_a_simulation_replayed_from_memory_is_that_of_its_bags(tmp_path: Path) -> None:
     from replay.demo import replay_campaign
 
