@@ -70,10 +70,19 @@ def _best_length(found: Table1) -> str:
 
 
 def _near_the_bound(found: Table1) -> str:
-    low, high = found.long_over_bound_1
+    (low, high), (rms, *ends) = found.long_over_bound_1, found.long_rms_1
+    errors = f"errors are {low:.2f} to {high:.2f} times it"
+    if found.long_reached:
+        reached = f"LS and TLS on scaled columns reach the Cramér–Rao bound: their {errors}."
+    elif found.long_reached is None:
+        reached = (
+            "so few windows cannot tell whether LS and TLS on scaled columns reach the "
+            f"Cramér–Rao bound: their {errors}, r.m.s. {rms:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]."
+        )
+    else:
+        reached = f"LS and TLS on scaled columns do not reach the Cramér–Rao bound: their {errors}."
     return (
-        f"From {LONG_S:g} s on LS and TLS on scaled columns reach the Cramér–Rao bound: their "
-        f"errors are {low:.2f} to {high:.2f} times it. No unbiased regression on these samples can "
+        f"From {LONG_S:g} s on {reached} No unbiased regression on these samples can "
         "do better; FGLS is LS but for noise, since its weights are the residuals that they weigh."
     )
 
