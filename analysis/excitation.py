@@ -118,10 +118,9 @@ class Design:
 
 
 def driving(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
-    """The same scenario with these manoeuvres as its run; refused as any scenario is."""
-    content = base.model_dump()
-    content["campaign"]["manoeuvres"] = [each.model_dump() for each in manoeuvres]
-    return Scenario.model_validate(content)
+    """The same scenario with these manoeuvres as its run."""
+    campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
+    return base.model_copy(update={"campaign": campaign})
 
 
 def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:

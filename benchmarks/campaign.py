@@ -16,7 +16,7 @@ import typer
 from analysis.calibration.straight_line import rms_errors
 from analysis.simulation import Scenario
 from replay import load_machine
-from replay.demo import replay_campaign, seeded
+from replay.demo import replay_campaign
 from replay.simulate import simulate
 
 
@@ -39,7 +39,7 @@ def main(
     biases: list[pl.DataFrame] = []
     for seed in range(1, seeds + 1):
         with tempfile.TemporaryDirectory() as folder:
-            logs = simulate(seeded(base, seed), Path(folder) / f"campaign{suffix}")
+            logs = simulate(base.seeded(seed), Path(folder) / f"campaign{suffix}")
             calibration = replay_campaign(logs, machine).frames["calibration"]
         errors.append(rms_errors(calibration).with_columns(seed=seed))
         biases.append(

@@ -71,7 +71,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     with whole_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")
-    logs = simulate(seeded(Scenario(), seed), folder / "campaign.bag", force=force)
+    logs = simulate(Scenario().seeded(seed), folder / "campaign.bag", force=force)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
     on_stage("record")
     write_recording(replayed, recording, force=force)
@@ -82,12 +82,6 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
         answer(replayed, str(recording)),
         (*logs, *map(truth_path, logs), machine_file, recording, picture),
     )
-
-
-def seeded(scenario: Scenario, seed: int) -> Scenario:
-    """The same scenario with other noise."""
-    sensors = scenario.sensors.model_copy(update={"seed": seed})
-    return scenario.model_copy(update={"sensors": sensors})
 
 
 def replay_campaign(

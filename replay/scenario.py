@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.simulation import Scenario
+from analysis.simulation.limits import check_limits
 from estimators.errors import ScenarioError
 from replay.toml_file import read_toml, set_value, validate
 
@@ -18,14 +19,21 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
         overrides: `key=value` with dotted keys, values as TOML writes them.
 
     Raises:
-        ScenarioError: in one line: the file, the key, what is wrong with it.
+        ScenarioError: in one line: the file, the key and its fault; also where the machine cannot
+            be driven as asked (`analysis.simulation.limits`).
     """
     content: dict[str, Any] = {"campaign": {"loads_kg": [0.0], "runs": 1}}
     if path is not None:
         content = read_toml(Path(path), ScenarioError)
     for override in overrides:
         set_value(content, override, ScenarioError)
-    return validate(Path(path or "--set"), content, Scenario, ScenarioError)
+    source = Path(path or "--set")
+    scenario = validate(source, content, Scenario, ScenarioError)
+    try:
+        check_limits(scenario, scenario.campaign.loads_kg)
+    except ScenarioError as fault:
+        raise ScenarioError(f"{source}: {fault}") from None
+    return scenario
 
 
 def scenario_text(scenario: Scenario) -> str:

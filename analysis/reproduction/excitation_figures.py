@@ -1,14 +1,16 @@
-"""What Figures 2 to 4 draw: the excitation, and the estimates under it."""
+"""Figures 2 to 4: the excitation, and the estimates under it."""
 
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
 
 from analysis.gate import gate
 from analysis.reproduction import paper
-from analysis.reproduction.campaign import Campaign, accepting
-from analysis.reproduction.item import NAMES, NO_NUMBERS, Item, listed, percent
+from analysis.reproduction.replayed import ReplayedCampaign, accepting
+from analysis.reproduction.sources import LINEAR, ROTATION, Digest
 from analysis.schema import values
 from analysis.settings import Settings
 from estimators import fgls, ls, planar_rows, rls, tls
@@ -16,41 +18,64 @@ from estimators.estimate import Floats, Trace
 
 #: The window that the text calls optimal.
 WINDOW_S: Final = 10.0
+#: Since the first window: the time in which the methods still converge.
+EARLY_S: Final = 10.0
 _SHOWN_S: Final = 60.0
 #: At the end of a log the machine stands: so long, noise is all that there is.
 _STANDING_S: Final = 4.0
-_EARLY_S: Final = 10.0
-_NO_GATE: Final = "Every complete window is used: the paper does not say that it gates here."
 
 
-def fig_2_item(campaign: Campaign) -> Item:
-    """Force, acceleration and speed under the triangle, from a replay of `excited`."""
-    series = _shown(campaign.replayed.frames["excitation"]).select(
-        "t_s", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s"
-    )
-    truth = campaign.runs.row(0, named=True)
+@dataclass(frozen=True, eq=False)
+class Figure2:
+    """The motion, the machine's time constant, and what is left of a step after T."""
+
+    frame: pl.DataFrame
+    constant_s: float
+    unsettled_1: float
+
+
+def figure_2(campaign: ReplayedCampaign) -> Figure2:
+    """Force, acceleration and speed under the triangle."""
+    truth = campaign.trials.row(0, named=True)
     constant_s = truth["mass_kg"] / truth["friction_N_s_m"]
-    return Item(
-        "fig2",
-        "Figure 2: force, acceleration and speed under the triangular force",
-        (
-            "0 to 6 kN with a period of 15 s, from standing, with the noise of Table 1 and the "
-            "moving mean.",
+    return Figure2(
+        frame=_shown(campaign.replayed.frames["excitation"]).select(
+            "t_s", "force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s"
         ),
-        series,
-        (
-            f"The machine's time constant m/b is {constant_s:.2f} s; the paper's response time "
-            f"T ≈ {paper.RESPONSE_S:g} s is where a step has settled to "
-            f"{percent(np.exp(-paper.RESPONSE_S / constant_s))}, and its period 3 T lets it settle "
-            "twice.",
-            "The triangle as printed, (A/T)|t mod T - T/2| + f0, is highest at t = 0 and ranges "
-            "over A/2, not A.",
-            NO_NUMBERS,
-        ),
+        constant_s=constant_s,
+        unsettled_1=float(np.exp(-paper.RESPONSE_S / constant_s)),
     )
 
 
-def fig_3_item(campaign: Campaign) -> Item:
+class Rms(NamedTuple):
+    """Root mean square errors of the mass in kg: in the first `EARLY_S`, and later."""
+
+    early_kg: float
+    later_kg: float
+
+
+@dataclass(frozen=True, eq=False)
+class Figure3:
+    """Estimates over time in a linear motion.
+
+    Attributes:
+        frame: a row an instant and method, with the truth.
+        true_mass_kg: the mass.
+        rms_kg: by method, over the whole figure.
+        converging: of LS and RLS.
+        memory_samples: how many samples the weights of RLS are worth.
+        window_samples: of the others.
+    """
+
+    frame: pl.DataFrame
+    true_mass_kg: float
+    rms_kg: Mapping[str, float]
+    converging: Mapping[str, Rms]
+    memory_samples: float
+    window_samples: int
+
+
+def figure_3(campaign: ReplayedCampaign) -> Figure3:
     """Mass and friction over time under the triangular force."""
     rate_hz = campaign.settings.align.rate_hz
     settings = campaign.settings.changed(
@@ -62,7 +87,7 @@ def fig_3_item(campaign: Campaign) -> Item:
         }
     )
     estimates = _driven(campaign, settings).replayed.frames
-    truth = campaign.runs.row(0, named=True)
+    truth = campaign.trials.row(0, named=True)
     series = pl.concat(
         _shown(estimates[f"estimates/{method}"]).select(
             "t_s",
@@ -76,20 +101,36 @@ def fig_3_item(campaign: Campaign) -> Item:
         )
         for method in paper.METHODS
     )
-    return Item(
-        "fig3",
-        "Figure 3: mass and friction in a linear motion, window of 10 s",
-        (_NO_GATE,),
-        series,
-        (
-            _within(series, "mass_kg", "true_mass_kg", "kg"),
-            _converging(series, settings),
-            NO_NUMBERS,
-        ),
+    return Figure3(
+        frame=series,
+        true_mass_kg=truth["mass_kg"],
+        rms_kg=_rms(series, "mass_kg", "true_mass_kg"),
+        converging=_converging(series),
+        memory_samples=(1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting),
+        window_samples=settings.gate.window_samples,
     )
 
 
-def fig_4_item(campaign: Campaign) -> Item:
+@dataclass(frozen=True, eq=False)
+class Figure4:
+    """Estimates over time in a rotation.
+
+    Attributes:
+        frame: a row an instant and method, with the truth.
+        true_inertia_z_kg_m2: the yaw inertia.
+        true_friction_z_N_m_s: the friction of turning.
+        rms_kg_m2: by method, over the whole figure.
+        bias_kg_m2: by method, likewise.
+    """
+
+    frame: pl.DataFrame
+    true_inertia_z_kg_m2: float
+    true_friction_z_N_m_s: float
+    rms_kg_m2: Mapping[str, float]
+    bias_kg_m2: Mapping[str, float]
+
+
+def figure_4(campaign: ReplayedCampaign) -> Figure4:
     """Yaw inertia and friction over time under a triangular torque, by the yaw row of (8)."""
     excitation = campaign.replayed.frames["excitation"]
     A = planar_rows.spin(values(excitation, "yaw_acc_rad_s2"), values(excitation, "yaw_rate_rad_s"))
@@ -102,7 +143,7 @@ def fig_4_item(campaign: Campaign) -> Item:
     complete = np.convolve(known, np.ones(window))[: f.size] > window - 0.5
     standing = np.flatnonzero(np.isfinite(f))[-round(_STANDING_S * rate_hz) :]
     noise = (*A[standing].std(axis=0), f[standing].std())
-    truth = campaign.runs.row(0, named=True)
+    truth = campaign.trials.row(0, named=True)
     series = pl.concat(
         _spin_series(method, _trace(method, A, f, window, complete, noise), excitation)
         for method in paper.METHODS
@@ -110,28 +151,19 @@ def fig_4_item(campaign: Campaign) -> Item:
         true_inertia_z_kg_m2=pl.lit(truth["inertia_z_kg_m2"]),
         true_friction_z_N_m_s=pl.lit(truth["friction_z_N_m_s"]),
     )
-    return Item(
-        "fig4",
-        "Figure 4: yaw inertia and friction in a rotational motion, window of 10 s",
-        (
-            _NO_GATE,
-            "The paper gives neither inertia nor torque: "
-            f"{truth['inertia_z_kg_m2']:g} kg·m², {truth['friction_z_N_m_s']:g} N·m·s and 0 to "
-            "3 kN·m are assumed. The yaw acceleration is the gyroscope's derivative; TLS takes "
-            "its noise from the standstill at the end.",
-            "The yaw row of (8) alone: its other two rows, as printed, hold for I13 = I23 = 0 "
-            "only.",
-        ),
-        series,
-        (
-            _within(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2", "kg·m²"),
-            _attenuated(series),
-            NO_NUMBERS,
-        ),
+    biases = series.group_by("method").agg(
+        (pl.col("inertia_z_kg_m2") - pl.col("true_inertia_z_kg_m2")).mean()
+    )
+    return Figure4(
+        frame=series,
+        true_inertia_z_kg_m2=truth["inertia_z_kg_m2"],
+        true_friction_z_N_m_s=truth["friction_z_N_m_s"],
+        rms_kg_m2=_rms(series, "inertia_z_kg_m2", "true_inertia_z_kg_m2"),
+        bias_kg_m2=dict(biases.iter_rows()),
     )
 
 
-def _driven(campaign: Campaign, settings: Settings) -> Campaign:
+def _driven(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
     """Estimates from every complete window that the figure shows: the end of the drive is not."""
     gated = gate(campaign.replayed.frames["excitation"], settings)
     incomplete = pl.col("reason_x").cast(pl.String).is_in(("warming_up", "gap"))
@@ -173,34 +205,19 @@ def _shown(frame: pl.DataFrame) -> pl.DataFrame:
     return seconds.filter(pl.col("t_s") <= _SHOWN_S)
 
 
-def _within(series: pl.DataFrame, value: str, true: str, unit: str) -> str:
-    """How far each method strays from the truth over the whole figure."""
-    rms = series.group_by("method", maintain_order=True).agg(
+def _rms(series: pl.DataFrame, value: str, true: str) -> dict[str, float]:
+    """R.m.s. error of each method over the whole figure."""
+    errors = series.group_by("method", maintain_order=True).agg(
         ((pl.col(value) - pl.col(true)) ** 2).mean().sqrt()
     )
-    told = listed(f"{NAMES[method]} {error:.0f} {unit}" for method, error in rms.iter_rows())
-    true_value = series[true][0]
-    return f"R.m.s. over the figure about the true {true_value:g} {unit}: {told}."
+    return dict(errors.iter_rows())
 
 
-def _attenuated(series: pl.DataFrame) -> str:
-    """What the noise of the differentiated gyroscope does to LS."""
-    biases = dict(
-        series.group_by("method")
-        .agg((pl.col("inertia_z_kg_m2") - pl.col("true_inertia_z_kg_m2")).mean())
-        .iter_rows()
-    )
-    return (
-        f"The noise of a differentiated gyroscope biases LS by {biases['ls']:+.0f} kg·m², and FGLS "
-        f"with it; TLS, which knows that noise, by {biases['tls']:+.0f} kg·m²."
-    )
-
-
-def _converging(series: pl.DataFrame, settings: Settings) -> str:
-    """How LS and RLS stray at first, and later."""
+def _converging(series: pl.DataFrame) -> dict[str, Rms]:
+    """R.m.s. error of LS and RLS at first, and later."""
     squares = series.with_columns(
         square=(pl.col("mass_kg") - pl.col("true_mass_kg")) ** 2,
-        early=pl.col("t_s") < pl.col("t_s").min() + _EARLY_S,
+        early=pl.col("t_s") < pl.col("t_s").min() + EARLY_S,
     )
     rms = {
         (method, early): float(np.sqrt(square))
@@ -208,17 +225,9 @@ def _converging(series: pl.DataFrame, settings: Settings) -> str:
         .agg(pl.col("square").mean())
         .iter_rows()
     }
-    memory = (1.0 + settings.trace.forgetting) / (1.0 - settings.trace.forgetting)
-    later = rms["rls", False] / rms["ls", False]
-    alike = 0.8 < later < 1.25
-    told = "about as sensitive to noise as" if alike else "less sensitive to noise than"
-    told = "more sensitive to noise than" if later >= 1.25 else told
-    return (
-        f"In the first {_EARLY_S:g} s after the first window RLS strays by "
-        f"{rms['rls', True]:.0f} kg r.m.s., LS by {rms['ls', True]:.0f} kg; later by "
-        f"{rms['rls', False]:.0f} and {rms['ls', False]:.0f} kg. RLS is slower to converge, as the "
-        "paper says: it starts from the OLS estimate of the first window, but with P0 = I/σ² it "
-        f"takes that for little more than a guess. Later it is {told} LS: its weights are worth "
-        f"(1 + λ)/(1 - λ) = {memory:.0f} samples, a window of {WINDOW_S:g} s holds "
-        f"{settings.gate.window_samples}."
-    )
+    return {method: Rms(rms[method, True], rms[method, False]) for method in ("ls", "rls")}
+
+
+FIGURE_2: Final = Digest(LINEAR, figure_2)
+FIGURE_3: Final = Digest(LINEAR, figure_3)
+FIGURE_4: Final = Digest(ROTATION, figure_4)

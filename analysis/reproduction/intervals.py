@@ -1,6 +1,6 @@
-"""95 % intervals: of means over independent trials, and of root mean squares by bootstrap."""
+"""95 % intervals: of means over independent repetitions, and of root mean squares by bootstrap."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -13,22 +13,24 @@ CONFIDENCE: Final = 0.95
 _RESAMPLES: Final = 1000
 
 
-def mean_intervals(trials: pl.DataFrame, by: Sequence[str], values: Sequence[str]) -> pl.DataFrame:
-    """Means over trials with Student's interval.
+def mean_intervals(
+    repetitions: pl.DataFrame, by: Sequence[str], values: Sequence[str]
+) -> pl.DataFrame:
+    """Means over independent repetitions with Student's interval.
 
     Args:
-        trials: a row a trial and group.
+        repetitions: a row a repetition and group.
         by: what makes a group.
-        values: the columns to average; null where a trial has none.
+        values: the columns to average; null where a repetition has none.
 
     Returns:
         A row a group in its order of appearance: `by`, `trials` (rows), and of each value its
-        mean under the same name with `{value}_low` and `{value}_high`, null below two trials.
+        mean under the same name with `{value}_low` and `{value}_high`, null below two of them.
     """
     from scipy.stats import t
 
     by, values = list(by), list(values)
-    means = trials.group_by(by, maintain_order=True).agg(
+    means = repetitions.group_by(by, maintain_order=True).agg(
         pl.len().alias("trials"),
         *(pl.col(name).mean() for name in values),
         *(pl.col(name).std().alias(f"{name}_std") for name in values),
@@ -38,7 +40,7 @@ def mean_intervals(trials: pl.DataFrame, by: Sequence[str], values: Sequence[str
     for name in values:
         count = means[f"{name}_count"].to_numpy().astype(float)
         std = means[f"{name}_std"].cast(pl.Float64).fill_null(np.nan).to_numpy()
-        # below two trials there is no spread, and no quantile
+        # below two there is no spread, and no quantile
         quantile = t.ppf((1.0 + CONFIDENCE) / 2.0, np.where(count > 1, count - 1.0, np.nan))
         half = pl.Series(quantile * std / np.sqrt(np.maximum(count, 1.0))).fill_nan(None)
         mean = means[name].cast(pl.Float64)
@@ -52,7 +54,7 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
     The errors need not share one variance: windows that start at different phases do not.
 
     Args:
-        errors: (trials,), NaN where a trial gave none.
+        errors: (n,), NaN where a repetition gave none.
         rng: draws the resamples.
 
     Returns:
@@ -66,3 +68,8 @@ def rms_interval(errors: Floats, rng: np.random.Generator) -> tuple[float, float
     tail = (1.0 - CONFIDENCE) / 2.0
     low, high = np.quantile(roots, [tail, 1.0 - tail])
     return float(np.sqrt(squares.mean())), float(low), float(high)
+
+
+def lowest(errors: Mapping[float, float]) -> list[float]:
+    """Where the error is smallest, ties included."""
+    return [at for at, error in errors.items() if error == min(errors.values())]

@@ -9,6 +9,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.schema import PHASE
+from analysis.simulation.limits import check_limits
 from analysis.simulation.motion import Channels, Motion, Window
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.sensors import Streams, measure
@@ -51,7 +52,16 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
     The same scenario gives the same logs bit for bit. Slope and Coulomb friction are in the motion
     and in the measurements as on site; what they do to an uncorrected mass is for the replay to
     find out.
+
+    Raises:
+        ScenarioError: the machine cannot be driven as asked with one of the loads; raised before
+            the first log.
     """
+    check_limits(scenario, scenario.campaign.loads_kg)
+    return _logs(scenario)
+
+
+def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
     start_ns = _ns(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
         timeline = _Timeline(scenario, solve_motion(scenario, load_kg), start_ns)

@@ -1,16 +1,17 @@
-"""What cannot be simulated: machines that do not start, do not stop or go too fast."""
+"""Refuse what cannot be simulated: machines that do not start, do not stop or go too fast."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
+from analysis.simulation.arc import arc_phases
+from analysis.simulation.body import Body
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start
-
-if TYPE_CHECKING:
-    from analysis.simulation.body import Body
-    from analysis.simulation.scenario import Scenario
+from analysis.simulation.scenario import Scenario
+from estimators.errors import ScenarioError
 
 #: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
 _TOP_SPEED_M_S: Final = 50.0
@@ -18,32 +19,33 @@ _TOP_YAW_RATE_RAD_S: Final = 10.0
 _LEAST_BRAKING_M_S2: Final = 0.1
 
 
-def check(scenario: "Scenario") -> None:
-    """Refuse a scenario that has no motion with one of its loads.
+def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
+    """Refuse a scenario that has no motion with one of the loads.
+
+    Args:
+        scenario: a file's, or built in Python.
+        loads_kg: the loads to simulate.
 
     Raises:
-        ValueError: the key, what is wrong with it.
+        ScenarioError: the key and its fault.
     """
-    from analysis.simulation.body import Body
-
-    loads = scenario.campaign.loads_kg
-    bodies = [Body.loaded(scenario, load_kg) for load_kg in (min(loads), max(loads))]
+    machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
     if scenario.log.latency_jitter_s * scenario.sensors.rate_hz >= 1:
-        raise ValueError(
+        raise ScenarioError(
             "log.latency_jitter_s: must be shorter than a period of sensors.rate_hz, "
             "so that messages are recorded in order"
         )
-    slip_N, full_N = scenario.machine.slip_stiffness_N, scenario.campaign.throttle_force_N
-    if 0 < slip_N < full_N:
-        raise ValueError(
+    if 0 < machine.slip_stiffness_N < full_N:
+        raise ScenarioError(
             "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
             f"give more than {full_N:g}, or 0 for none"
         )
+    bodies = [Body.loaded(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))]
     for body in bodies:
         square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
         if body.inertia_z_kg_m2 * body.mass_kg <= square:
-            least = scenario.machine.inertia_z_kg_m2 + square / body.mass_kg - body.inertia_z_kg_m2
-            raise ValueError(
+            least = machine.inertia_z_kg_m2 + square / body.mass_kg - body.inertia_z_kg_m2
+            raise ScenarioError(
                 "machine.inertia_z_kg_m2: is about the origin, so that it is more than mass times "
                 f"the square of the centre of mass's distance; give more than {least:.0f}"
             )
@@ -68,9 +70,9 @@ def _turns(manoeuvre: Manoeuvre) -> bool:
 
 @dataclass(frozen=True)
 class _Limits:
-    scenario: "Scenario"
-    lightest: "Body"
-    heaviest: "Body"
+    scenario: Scenario
+    lightest: Body
+    heaviest: Body
     #: Whether the run turns, so that the slope may come from anywhere.
     turns: bool
 
@@ -103,7 +105,7 @@ class _Limits:
         reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
         if reached_N <= resistance_N:
             where = f"in {key or 'campaign'}.start_s"
-            raise ValueError(
+            raise ScenarioError(
                 f"{key or 'campaign.throttle_force_N'}: reaches {reached_N:.0f} N {where}, but "
                 f"slope and Coulomb friction hold {self.heaviest.mass_kg:g} kg with "
                 f"{resistance_N:.0f} N"
@@ -112,7 +114,7 @@ class _Limits:
         downhill = self._uphill_m_s2(sign)
         push_N = full_N - coulomb_N - light.mass_kg * downhill
         if push_N > _TOP_SPEED_M_S * max(light.friction_x_N_s_m, light.mass_kg / start.start_s):
-            raise ValueError(
+            raise ScenarioError(
                 f"{key or 'campaign.throttle_force_N'}: drives the machine beyond "
                 f"{_TOP_SPEED_M_S:g} m/s in {key or 'campaign'}.start_s"
             )
@@ -124,13 +126,15 @@ class _Limits:
         reached_N_m = full_N_m * -math.expm1(-spin.start_s / campaign.valve_lag_s)
         resistance_N_m = self.heaviest.coulomb_z_N_m + self._slope_torque()
         if reached_N_m <= resistance_N_m:
-            raise ValueError(
+            raise ScenarioError(
                 f"{key}: reaches {reached_N_m:.0f} N·m in start_s, but slope and Coulomb friction "
                 f"hold it with {resistance_N_m:.0f} N·m"
             )
         slowest = max(self.lightest.friction_z_N_m_s, self.lightest.inertia_z_kg_m2 / spin.start_s)
         if full_N_m > _TOP_YAW_RATE_RAD_S * slowest:
-            raise ValueError(f"{key}: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s in start_s")
+            raise ScenarioError(
+                f"{key}: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s in start_s"
+            )
         self._brakes(0.0)
 
     def _excite(self, excite: Excite, key: str) -> None:
@@ -141,15 +145,13 @@ class _Limits:
         push_N = highest_N + light.mass_kg * abs(light.uphill_m_s2)
         slow = max(light.friction_x_N_s_m, light.mass_kg / excite.duration_s)
         if force and push_N > _TOP_SPEED_M_S * slow:
-            raise ValueError(f"{key}.force: drives the machine beyond {_TOP_SPEED_M_S:g} m/s")
+            raise ScenarioError(f"{key}.force: drives the machine beyond {_TOP_SPEED_M_S:g} m/s")
         slow = max(light.friction_z_N_m_s, light.inertia_z_kg_m2 / excite.duration_s)
         if highest_N_m > _TOP_YAW_RATE_RAD_S * slow:
-            raise ValueError(f"{key}.torque: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s")
+            raise ScenarioError(f"{key}.torque: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s")
         self._brakes(-abs(light.uphill_m_s2))
 
     def _arc(self, arc: Arc, key: str) -> None:
-        from analysis.simulation.arc import arc_phases
-
         time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)
         for body in (self.lightest, self.heaviest):
             state = arc_phases(body, arc, 0.0, 0.0)[0][0].state(time_s)
@@ -163,7 +165,7 @@ class _Limits:
         side_N = force_N / 2.0 + torque_N_m / self.scenario.machine.track_width_m
         full_N = self.scenario.campaign.throttle_force_N / 2.0
         if side_N > full_N * (1.0 + 1e-9):
-            raise ValueError(
+            raise ScenarioError(
                 f"{key}: asks for {side_N:.0f} N on one side, more than full throttle gives, "
                 f"{full_N:.0f} N; ask for less, or raise campaign.throttle_force_N"
             )
@@ -171,13 +173,13 @@ class _Limits:
     def _brakes(self, downhill_m_s2: float) -> None:
         braking = self.scenario.campaign.braking_m_s2
         if braking + downhill_m_s2 < _LEAST_BRAKING_M_S2:
-            raise ValueError(
+            raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop the machine on this slope; "
                 f"give at least {_LEAST_BRAKING_M_S2 - downhill_m_s2:.2f}"
             )
         spin_N_m = (braking - _LEAST_BRAKING_M_S2) * 2.0 / self.scenario.machine.track_width_m
         if self.lightest.inertia_z_kg_m2 * spin_N_m < self._slope_torque():
-            raise ValueError(
+            raise ScenarioError(
                 f"campaign.braking_m_s2: {braking:g} does not stop a spin on this slope"
             )
 

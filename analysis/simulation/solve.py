@@ -10,6 +10,7 @@ from analysis.simulation.arc import arc_phases
 from analysis.simulation.body import Body, Pair
 from analysis.simulation.driven import Driven
 from analysis.simulation.gripped import Commands
+from analysis.simulation.limits import check_limits
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Rest, Spin, Start
 from analysis.simulation.motion import Motion, Phase, State, Window
 from analysis.simulation.scenario import Scenario
@@ -29,7 +30,11 @@ def solve_motion(scenario: Scenario, load_kg: float) -> Motion:
 
     Returns:
         The motion: `sample(time_s)` gives its channels at any times.
+
+    Raises:
+        ScenarioError: the machine cannot be driven as asked.
     """
+    check_limits(scenario, [load_kg])
     run = _Run(scenario, Body.loaded(scenario, load_kg))
     phases = [run.standing(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[Window] = []

@@ -40,19 +40,20 @@ def command(
     many trials, the Cramér–Rao bound where there is one, and a sentence where we differ.
     """
     from estimators.errors import OutputError, nearest
-    from recordings.reproduction import check_reproduction, write_reproduction
+    from recordings.reproduction.items import ITEMS
+    from recordings.reproduction.page import check_reproduction, write_reproduction
     from replay.commands.progress import Stages
-    from replay.reproduce import ITEMS, reproduce, work
+    from replay.reproduce import Reproduction
 
-    for item in items or []:
-        if item not in ITEMS:
-            raise OutputError(f"reproduce {item}: no such item; {nearest(item, ITEMS)}")
-    wanted = [item for item in ITEMS if item in (items or ITEMS)]
+    names = [item.name for item in ITEMS]
+    for name in items or []:
+        if name not in names:
+            raise OutputError(f"reproduce {name}: no such item; {nearest(name, names)}")
+    wanted = [item for item in ITEMS if item.name in (items or names)]
     check_reproduction(wanted, output, output_format, force=force)
-    with Stages(work(wanted, trials=trials, campaigns=campaigns)) as stages:
-        found = reproduce(
-            wanted, trials=trials, campaigns=campaigns, seed=seed, on_stage=stages.begin
-        )
+    reproduction = Reproduction(wanted, windows=trials, campaigns=campaigns, seed=seed)
+    with Stages(len(reproduction.steps)) as stages:
+        found = reproduction.find(stages.begin)
     about = (
         f"By `payscope reproduce --trials {trials} --campaigns {campaigns} --seed {seed}`: "
         "simulated with one machine model, replayed with the filter, gate and estimators that "

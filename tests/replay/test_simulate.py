@@ -10,10 +10,12 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from analysis.simulation import Scenario, simulate_campaign
-from estimators.errors import OutputError
+from estimators.errors import OutputError, ScenarioError
+from replay.scenario import scenario_text
 from replay.simulate import log_paths, simulate
 from replay.write_log import write_logs
 from tests.one_line import assert_one_line
+from tests.replay.sledge import Payscope, one_line
 
 SHORT = Scenario.model_validate(
     {
@@ -200,6 +202,33 @@ def test_an_output_that_cannot_be_is_refused_in_one_line_and_leaves_nothing(tmp_
 def test_a_folder_without_a_name_is_no_log():
     with pytest.raises(OutputError, match="is a folder; name a log in it"):
         simulate(ONE, Path())
+
+
+def test_a_scenario_made_in_python_that_has_no_motion_is_refused_before_anything_is_written(
+    tmp_path,
+):
+    steep = ONE.model_copy(update={"terrain": ONE.terrain.model_copy(update={"slope_deg": 12.0})})
+    with pytest.raises(ScenarioError, match="slope and Coulomb friction hold 3664 kg"):
+        simulate(steep, tmp_path / "log.bag")
+    assert not list(tmp_path.iterdir())
+
+
+class TestCommand:
+    def test_the_logs_are_named_on_stdout(self, payscope: Payscope, tmp_path: Path) -> None:
+        scenario = tmp_path / "one.toml"
+        scenario.write_text(scenario_text(ONE), encoding="utf-8")
+        said = payscope("simulate", scenario, "-o", tmp_path / "log.csv")
+        assert (said.status, said.out.split()) == (0, [str(tmp_path / "log.csv")])
+
+    def test_a_machine_that_does_not_start_is_refused_in_one_line_that_names_the_file(
+        self, payscope: Payscope, tmp_path: Path
+    ) -> None:
+        steep = tmp_path / "steep.toml"
+        steep.write_text("[terrain]\nslope_deg = 15\n", encoding="utf-8")
+        said = payscope("simulate", steep, "-o", tmp_path / "log.bag")
+        one_line(said, f"{steep}: campaign.throttle_force_N: reaches 6000 N")
+        assert said.status == 2
+        assert list(tmp_path.iterdir()) == [steep]
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")

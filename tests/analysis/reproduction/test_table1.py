@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.reproduction import paper
-from analysis.reproduction.drive import SteadyDrive
-from analysis.reproduction.excitation import steady_drive
-from analysis.reproduction.table1 import raw_units, table_1
+from analysis.reproduction.oscillation import SteadyDrive, steady_drive
+from analysis.reproduction.table1 import raw_units, window_errors
 from analysis.simulation import Scenario
 from analysis.simulation.scenario import SimulatedSensors
 
@@ -37,7 +36,7 @@ def test_the_steady_oscillation_obeys_the_equation_of_motion_and_repeats(
 def test_ls_and_scaled_tls_reach_the_bound_from_5_s_on(
     drive: SteadyDrive, trials: int, lowest: float, highest: float
 ) -> None:
-    table = table_1(
+    table = window_errors(
         drive, SimulatedSensors(), trials, windows_s=(5.0, 8.0, 15.0), methods=("ls", "tls")
     )
     for row in table.iter_rows(named=True):
@@ -57,16 +56,18 @@ def test_the_same_seed_gives_the_same_numbers_whatever_else_is_asked_for(
     drive: SteadyDrive,
 ) -> None:
     few, more = (
-        table_1(drive, SimulatedSensors(), 20, windows_s=lengths, methods=("ls", "rls", "tls_raw"))
+        window_errors(
+            drive, SimulatedSensors(), 20, windows_s=lengths, methods=("ls", "rls", "tls_raw")
+        )
         for lengths in ((3.0,), (2.0, 3.0))
     )
     assert few.equals(more.filter(more["window_s"] == 3.0))
-    other = table_1(drive, SimulatedSensors(seed=2), 20, windows_s=(3.0,), methods=("ls",))
+    other = window_errors(drive, SimulatedSensors(seed=2), 20, windows_s=(3.0,), methods=("ls",))
     assert other["rmse_kg"][0] != few["rmse_kg"][0]
 
 
 def test_the_papers_numbers_stand_beside_ours(drive: SteadyDrive) -> None:
-    table = table_1(drive, SimulatedSensors(), 4)
+    table = window_errors(drive, SimulatedSensors(), 4)
     assert table["window_s"].unique(maintain_order=True).to_list() == list(paper.TABLE_1_KG)
     row = table.filter((table["window_s"] == 10.0) & (table["method"] == "rls"))
     assert row["paper_kg"].item() == 3.89

@@ -1,9 +1,10 @@
-"""What a scenario may be."""
+"""What a scenario may be, and what of it can be simulated."""
 
 import pytest
 from pydantic import ValidationError
 
-from analysis.simulation import Scenario
+from analysis.simulation import Scenario, simulate_campaign, solve_motion
+from estimators.errors import ScenarioError
 
 
 def test_the_defaults_are_the_papers_campaign():
@@ -11,6 +12,26 @@ def test_the_defaults_are_the_papers_campaign():
     assert made.campaign.loads_kg == (0, 50, 100, 150, 200, 250)
     assert made.campaign.runs == 9
     assert (made.machine.mass_kg, made.machine.friction_N_s_m) == (3614.0, 2891.0)
+
+
+def excite(**waves):
+    return {"campaign": {"manoeuvres": [{"kind": "rest"}, {"kind": "excite", **waves}]}}
+
+
+@pytest.mark.parametrize(
+    ("sections", "what"),
+    [
+        ({"campaign": {"loads_kg": [0, 50, 50]}}, "a load appears twice"),
+        ({"campaign": {"loads_kg": [-50]}}, "between 0 and 1e6 kg"),
+        ({"sensors": {"force_noise_N": float("nan")}}, "finite number"),
+        (excite(), "needs 'force', 'torque' or both"),
+        ({"campaign": {"manoeuvres": [{"kind": "dance"}]}}, "dance"),
+        ({"campaign": {"manoeuvres": [{"duration_s": 3}]}}, "kind"),
+    ],
+)
+def test_a_value_that_no_scenario_may_have_is_refused_when_it_is_made(sections, what):
+    with pytest.raises(ValidationError, match=what):
+        Scenario.model_validate(sections)
 
 
 @pytest.mark.parametrize(
@@ -27,25 +48,17 @@ def test_the_defaults_are_the_papers_campaign():
         ),
         ({"terrain": {"slope_deg": -12.0}}, "does not stop the machine on this slope"),
         ({"campaign": {"throttle_force_N": 1e6}}, "beyond 50 m/s"),
-        ({"campaign": {"loads_kg": [0, 50, 50]}}, "a load appears twice"),
-        ({"campaign": {"loads_kg": [-50]}}, "between 0 and 1e6 kg"),
         ({"log": {"latency_jitter_s": 0.02}}, "recorded in order"),
-        ({"sensors": {"force_noise_N": float("nan")}}, "finite number"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_with_the_reason(sections, what):
-    with pytest.raises(ValidationError, match=what):
-        Scenario.model_validate(sections)
-
-
-def excite(**waves):
-    return {"campaign": {"manoeuvres": [{"kind": "rest"}, {"kind": "excite", **waves}]}}
+    with pytest.raises(ScenarioError, match=what):
+        simulate_campaign(Scenario.model_validate(sections))
 
 
 @pytest.mark.parametrize(
     ("sections", "what"),
     [
-        (excite(), "needs 'force', 'torque' or both"),
         (excite(force={"highest_N": 6100.0}), "manoeuvres.1: asks for 3050 N on one side"),
         (
             excite(force={"highest_N": 4000.0}, torque={"highest_N_m": 2000.0}),
@@ -79,12 +92,26 @@ def excite(**waves):
             "manoeuvres.0: reaches 4800 N in campaign.manoeuvres.0.start_s, but slope",
         ),
         ({"machine": {"com_x_m": 2.0}}, "is about the origin"),
-        ({"campaign": {"manoeuvres": [{"kind": "dance"}]}}, "dance"),
-        ({"campaign": {"manoeuvres": [{"duration_s": 3}]}}, "kind"),
     ],
 )
 def test_a_manoeuvre_that_cannot_be_driven_is_refused_with_its_number_and_the_reason(
     sections, what
 ):
-    with pytest.raises(ValidationError, match=what):
-        Scenario.model_validate(sections)
+    with pytest.raises(ScenarioError, match=what):
+        simulate_campaign(Scenario.model_validate(sections))
+
+
+def test_a_scenario_made_in_python_is_refused_like_one_from_a_file():
+    plain = Scenario()
+    steep = plain.model_copy(update={"terrain": plain.terrain.model_copy(update={"slope_deg": 12})})
+    with pytest.raises(ScenarioError, match="slope and Coulomb friction hold 3864 kg"):
+        simulate_campaign(steep)
+    with pytest.raises(ScenarioError, match="slope and Coulomb friction hold 3614 kg"):
+        solve_motion(steep, 0.0)
+
+
+def test_a_motion_is_refused_for_the_load_that_it_is_solved_with():
+    slope = Scenario.model_validate({"terrain": {"slope_deg": 9.0}})
+    assert solve_motion(slope, 0.0).duration_s > 0.0
+    with pytest.raises(ScenarioError, match="hold 4614 kg"):
+        solve_motion(slope, 1000.0)

@@ -10,6 +10,7 @@ from analysis.machine import Body as MachineBody
 from analysis.machine import ImuMounting
 from analysis.mounting import at_origin
 from analysis.simulation import Scenario, simulate_campaign
+from estimators.errors import ScenarioError
 
 QUIET = {
     "force_noise_N": 0.0,
@@ -192,5 +193,5 @@ def test_blackouts_leave_holes_of_their_length_in_all_topics_at_once():
 
 
 def test_slip_stiffness_below_full_throttle_is_refused():
-    with pytest.raises(ValueError, match="slip more than 100 %"):
+    with pytest.raises(ScenarioError, match="slip more than 100 %"):
         log(machine={"slip_stiffness_N": 5000.0})

@@ -1,17 +1,21 @@
 """What was found, as files: a page whose tables hold together, CSV, pictures; all or none."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
 
-from analysis.reproduction.item import Item
 from estimators.errors import OutputError
-from recordings.reproduction import check_reproduction, write_reproduction
-from recordings.reproduction.tables import shown
+from recordings.reproduction.items import ITEMS, Found, Item
+from recordings.reproduction.page import check_reproduction, write_reproduction
+from recordings.reproduction.words import Said
+
+ITEM: dict[str, Item[Any]] = {item.name: item for item in ITEMS}
 
 
-def _table_3() -> Item:
+def _table_3() -> Found:
     rows = [
         {
             "threshold_nat": at,
@@ -25,17 +29,19 @@ def _table_3() -> Item:
         for at, low in ((0.5, 6.0), (0.7, None))
         for method, printed in (("ls", 22.6), ("pooled", None))
     ]  # fmt: skip
-    return Item("table3", "Table 3", ("Chosen.",), pl.DataFrame(rows), ("Found | told.",))
+    item = replace(ITEM["table3"], title="Table 3")
+    return Found(item, pl.DataFrame(rows), Said(("Chosen.",), ("Found | told.",)))
 
 
-def _fig_2() -> Item:
+def _fig_2() -> Found:
     series = {"t_s": [0.0, 1.0, 2.0], "force_x_N": [0.0, 5e3, None]}
     series |= {"regressor_acc_x_m_s2": [0.0, 1.0, 0.5], "speed_x_m_s": [0.0, 0.5, 1.0]}
-    return Item("fig2", "Figure 2", ("Chosen.",), pl.DataFrame(series), ("Found.",))
+    item = replace(ITEM["fig2"], title="Figure 2")
+    return Found(item, pl.DataFrame(series), Said(("Chosen.",), ("Found.",)))
 
 
 def test_a_table_has_the_papers_number_beside_ours_and_a_dash_for_what_there_is_not() -> None:
-    within, without = shown(_table_3())
+    within, without = ITEM["table3"].tables(_table_3().frame)
     assert within.header == ["threshold, nat", "bound", "LS", "paper", "pooled LS"]
     assert within.rows == [
         ["0.5", "6.0", "7.5 [6.0, 9.0]", "22.60", "7.5 [6.0, 9.0]"],
@@ -74,8 +80,8 @@ def test_what_is_there_is_refused_before_the_work_and_replaced_only_when_forced(
 ) -> None:
     (tmp_path / "fig2.png").write_bytes(b"mine")
     with pytest.raises(OutputError, match=r"fig2\.png: exists already"):
-        check_reproduction(["table3", "fig2"], tmp_path, "md", force=False)
-    check_reproduction(["table3"], tmp_path, "md", force=False)
+        check_reproduction([ITEM["table3"], ITEM["fig2"]], tmp_path, "md", force=False)
+    check_reproduction([ITEM["table3"]], tmp_path, "md", force=False)
     with pytest.raises(OutputError, match="exists already"):
         write_reproduction([_fig_2()], tmp_path, "md", "", force=False)
     assert [path.name for path in tmp_path.iterdir()] == ["fig2.png"]

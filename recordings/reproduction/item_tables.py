@@ -6,8 +6,8 @@ from typing import Any
 
 import polars as pl
 
-from analysis.reproduction import paper
-from analysis.reproduction.item import NAMES, Item
+from analysis.reproduction import campaign_tables, paper
+from recordings.reproduction.words import NAMES
 
 #: By method, what its row of a group says.
 _Row = dict[str, Any]
@@ -15,7 +15,7 @@ _Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Shown:
-    """One table: what it is, its header, its rows, and how many columns in front are text."""
+    """One table: its caption, header and rows, and how many columns in front are text."""
 
     caption: str
     header: Sequence[str]
@@ -23,26 +23,8 @@ class Shown:
     texts: int = 1
 
 
-def shown(item: Item) -> list[Shown]:
-    """The tables of an item; none for those that a picture shows."""
-    match item.name:
-        case "table1":
-            return _table_1(item.frame)
-        case "table2":
-            return [_table_2(item.frame)]
-        case "table3":
-            return _table_3_4(item.frame, "threshold_nat", "threshold, nat")
-        case "table4":
-            return _table_3_4(item.frame, "window_samples", "samples")
-        case "fig8":
-            return [_fig_8(item.frame)]
-        case "claims":
-            return [_claims(item.frame)]
-        case _:
-            return []
-
-
-def _table_1(frame: pl.DataFrame) -> list[Shown]:
+def table_1(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by window length, and the same over the bound."""
     errors = _beside_the_paper(
         frame, "window_s", "window, s", lambda row: _interval(row, "rmse_kg"), "bound_kg"
     )
@@ -58,7 +40,8 @@ def _table_1(frame: pl.DataFrame) -> list[Shown]:
     ]
 
 
-def _table_2(frame: pl.DataFrame) -> Shown:
+def table_2(frame: pl.DataFrame) -> list[Shown]:
+    """Slope and offset by method."""
     of = {(row["chain"], row["method"]): row for row in frame.iter_rows(named=True)}
     methods = frame["method"].unique(maintain_order=True)
     rows: list[list[str]] = []
@@ -73,17 +56,27 @@ def _table_2(frame: pl.DataFrame) -> Shown:
             ]
         rows.append(cells)
     campaigns = frame["trials"].max()
-    return Shown(
-        f"Slope α and offset β in kg, means over {campaigns} campaigns [95 % interval]",
-        [
-            "method",
-            *(f"{of} {by}" for of in "αβ" for by in ("paper", "ideal chain", "assumed chain")),
-        ],
-        rows,
-    )
+    chains = ("paper", "ideal chain", "assumed chain")
+    return [
+        Shown(
+            f"Slope α and offset β in kg, means over {campaigns} campaigns [95 % interval]",
+            ["method", *(f"{of} {by}" for of in "αβ" for by in chains)],
+            rows,
+        )
+    ]
 
 
-def _table_3_4(frame: pl.DataFrame, setting: str, title: str) -> list[Shown]:
+def table_3(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by threshold, own load in the fit and left out."""
+    return _swept(frame, campaign_tables.THRESHOLD, "threshold, nat")
+
+
+def table_4(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by window length, own load in the fit and left out."""
+    return _swept(frame, campaign_tables.WINDOW, "samples")
+
+
+def _swept(frame: pl.DataFrame, setting: str, title: str) -> list[Shown]:
     campaigns = frame["trials"].max()
     within = _beside_the_paper(
         frame, setting, title, lambda row: _interval(row, "run_kg"), "bound_kg"
@@ -99,17 +92,19 @@ def _table_3_4(frame: pl.DataFrame, setting: str, title: str) -> list[Shown]:
     ]
 
 
-def _fig_8(frame: pl.DataFrame) -> Shown:
+def figure_8(frame: pl.DataFrame) -> list[Shown]:
+    """Errors by load, in the fit and left out."""
     header, rows = _by_method(
         frame,
         "load_kg",
         "load, kg",
         lambda row: f"{_number(row['rms_kg'])} / {_number(row['rms_left_out_kg'])}",
     )
-    return Shown("RMS error in kg: load in the fit / left out", header, rows)
+    return [Shown("RMS error in kg: load in the fit / left out", header, rows)]
 
 
-def _claims(frame: pl.DataFrame) -> Shown:
+def claims(frame: pl.DataFrame) -> list[Shown]:
+    """A row a finding."""
     rows = [
         [
             row["claim"],
@@ -123,12 +118,8 @@ def _claims(frame: pl.DataFrame) -> Shown:
         for row in frame.iter_rows(named=True)
     ]
     header = ["claim", "case", "paper", "found, kg [95 %]"]
-    return Shown(
-        "Each claim as we find it",
-        [*header, "of the machine's mass", "of the payload range", "smaller"],
-        rows,
-        texts=3,
-    )
+    header += ["of the machine's mass", "of the payload range", "smaller"]
+    return [Shown("Each claim as we find it", header, rows, texts=3)]
 
 
 def _by_method(

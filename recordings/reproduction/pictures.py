@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import polars as pl
 
-from analysis.reproduction.item import NAMES, Item
-from analysis.reproduction.tables import THRESHOLD_NAT
+from analysis.reproduction.sources import THRESHOLD_NAT
 from recordings import colours
+from recordings.reproduction.words import NAMES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,26 +25,33 @@ _MOTION: Final = {
 }
 
 
-def draw(item: Item, path: Path) -> None:
-    """Draw a figure as PNG.
+class Picture(NamedTuple):
+    """How a figure is drawn: its height, and the painter of its frame."""
+
+    height_in: float
+    paint: Callable[["Figure", pl.DataFrame], None]
+
+
+def draw(picture: Picture, frame: pl.DataFrame, path: Path) -> None:
+    """Draw a frame as PNG.
 
     Args:
-        item: of `DRAWN`.
+        picture: height and painter.
+        frame: of the item.
         path: where to.
     """
     from matplotlib.figure import Figure
 
-    height_in, paint = DRAWN[item.name]
-    figure = Figure(figsize=(_WIDTH_IN, height_in), layout="constrained")
-    paint(figure, item.frame)
+    figure = Figure(figsize=(_WIDTH_IN, picture.height_in), layout="constrained")
+    picture.paint(figure, frame)
     figure.savefig(path, dpi=_DPI, format="png")
 
 
-def _fig_2(figure: "Figure", series: pl.DataFrame) -> None:
+def _figure_2(figure: "Figure", series: pl.DataFrame) -> None:
     _stacked(figure, series, _MOTION)
 
 
-def _fig_3(figure: "Figure", series: pl.DataFrame) -> None:
+def _figure_3(figure: "Figure", series: pl.DataFrame) -> None:
     _traces(
         figure,
         series,
@@ -53,7 +60,7 @@ def _fig_3(figure: "Figure", series: pl.DataFrame) -> None:
     )
 
 
-def _fig_4(figure: "Figure", series: pl.DataFrame) -> None:
+def _figure_4(figure: "Figure", series: pl.DataFrame) -> None:
     _traces(
         figure,
         series,
@@ -62,7 +69,7 @@ def _fig_4(figure: "Figure", series: pl.DataFrame) -> None:
     )
 
 
-def _fig_5(figure: "Figure", series: pl.DataFrame) -> None:
+def _figure_5(figure: "Figure", series: pl.DataFrame) -> None:
     rows = _stacked(figure, series, {**_MOTION, "mi_x_nat": "index (11) (nat)"})
     for axes in rows:
         _shade(axes, series, "phase", ("accelerating", "braking"))
@@ -98,11 +105,11 @@ def _traces(figure: "Figure", series: pl.DataFrame, *panels: tuple[str, str, str
     rows[-1].set_xlabel("time (s)", fontsize=8)
 
 
-def _fig_6(figure: "Figure", table: pl.DataFrame) -> None:
+def _figure_6(figure: "Figure", table: pl.DataFrame) -> None:
     _masses(figure, table, "estimate_kg", "estimate_std_kg", "estimate before calibration (kg)")
 
 
-def _fig_7(figure: "Figure", table: pl.DataFrame) -> None:
+def _figure_7(figure: "Figure", table: pl.DataFrame) -> None:
     _masses(figure, table, "calibrated_kg", "calibrated_std_kg", "mass after (19) (kg)")
 
 
@@ -137,7 +144,7 @@ def _masses(figure: "Figure", table: pl.DataFrame, mean: str, std: str, label: s
     panels[0].legend(fontsize=6, loc="best")
 
 
-def _fig_8(figure: "Figure", table: pl.DataFrame) -> None:
+def _figure_8(figure: "Figure", table: pl.DataFrame) -> None:
     axes = figure.subplots()
     methods = list(table["method"].unique(maintain_order=True))
     loads = table["load_kg"].unique(maintain_order=True).sort().to_numpy()
@@ -194,13 +201,10 @@ def _shade(axes: "Axes", series: pl.DataFrame, column: str, wanted: tuple[str, .
         )
 
 
-#: Height in inches and painter of each figure.
-DRAWN: Final[dict[str, tuple[float, Callable[["Figure", pl.DataFrame], None]]]] = {
-    "fig2": (3 * _PANEL_IN, _fig_2),
-    "fig3": (5.0, _fig_3),
-    "fig4": (5.0, _fig_4),
-    "fig5": (4 * _PANEL_IN, _fig_5),
-    "fig6": (3.0, _fig_6),
-    "fig7": (3.0, _fig_7),
-    "fig8": (3.6, _fig_8),
-}
+FIGURE_2: Final = Picture(3 * _PANEL_IN, _figure_2)
+FIGURE_3: Final = Picture(5.0, _figure_3)
+FIGURE_4: Final = Picture(5.0, _figure_4)
+FIGURE_5: Final = Picture(4 * _PANEL_IN, _figure_5)
+FIGURE_6: Final = Picture(3.0, _figure_6)
+FIGURE_7: Final = Picture(3.0, _figure_7)
+FIGURE_8: Final = Picture(3.6, _figure_8)

@@ -1,7 +1,8 @@
-"""One simulated campaign held against its truth: what the calibrated masses of its runs are worth.
+"""A simulated campaign, replayed and compared with its truth: the errors of its calibrated masses.
 
-Tables 3 and 4 leave open whether an error is that of a single run or of a load's mean, and whether
-a load is in the fit of (19) that corrects it; all four are given.
+A trial is one run of a campaign (`campaign.runs`). Tables 3 and 4 leave open whether an error is
+that of a single trial or of a load's mean, and whether a load is in the fit of (19) that corrects
+it; all four are given.
 """
 
 from dataclasses import dataclass, replace
@@ -18,24 +19,24 @@ from analysis.settings import Settings
 from analysis.simulation import Scenario
 from analysis.trace import trace
 
-#: The four errors, r.m.s. in kg over all runs, or over the loads' means.
+#: The four errors, r.m.s. in kg over all trials, or over the loads' means.
 ERRORS = ("run_kg", "run_left_out_kg", "mean_kg", "mean_left_out_kg")
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
-    """A simulated campaign, replayed.
+class ReplayedCampaign:
+    """A simulated campaign and the replay of its logs.
 
     Attributes:
-        scenario: what was simulated.
+        scenario: of the simulation.
         replayed: the replay of its logs in one time line.
-        runs: the truth of every run (`SimulatedLog.runs`).
+        trials: the truth of every trial (`SimulatedLog.trials`).
         noise_free: the true motion (`SimulatedLog.noise_free`), all logs in one.
     """
 
     scenario: Scenario
     replayed: Run
-    runs: pl.DataFrame
+    trials: pl.DataFrame
     noise_free: pl.DataFrame
 
     @property
@@ -44,18 +45,20 @@ class Campaign:
         return self.replayed.provenance.settings
 
     def estimates(self) -> pl.DataFrame:
-        """One mass a method and run."""
-        return run_estimates(self.replayed, self.runs)
+        """One mass a method and trial."""
+        return run_estimates(self.replayed, self.trials)
 
 
-def judged_anew(campaign: Campaign, settings: Settings) -> Campaign:
-    """The same campaign with another gate or other estimators; nothing before the gate changes."""
+def regated(campaign: ReplayedCampaign, settings: Settings) -> ReplayedCampaign:
+    """Repeat gate and estimators with other settings; nothing before the gate changes."""
     excitation = campaign.replayed.frames["excitation"]
     return accepting(campaign, gate(excitation, settings), settings)
 
 
-def accepting(campaign: Campaign, gated: pl.DataFrame, settings: Settings) -> Campaign:
-    """The same campaign with the windows that `gated` accepts."""
+def accepting(
+    campaign: ReplayedCampaign, gated: pl.DataFrame, settings: Settings
+) -> ReplayedCampaign:
+    """Repeat the estimates of a campaign from the windows that `gated` accepts."""
     frames = campaign.replayed.frames
     estimates = trace(frames["excitation"], gated, settings)
     about = campaign.replayed.provenance
@@ -70,12 +73,12 @@ def accepting(campaign: Campaign, gated: pl.DataFrame, settings: Settings) -> Ca
     return replace(campaign, replayed=replayed)
 
 
-def errors(campaign: Campaign) -> pl.DataFrame:
-    """How wrong the calibrated masses are.
+def errors(campaign: ReplayedCampaign) -> pl.DataFrame:
+    """Errors of the calibrated masses.
 
     Returns:
         A row a method: `method`, `runs` (that gave a mass), and in kg, r.m.s., `run_kg` and
-        `run_left_out_kg` over single runs, `mean_kg` and `mean_left_out_kg` over load means.
+        `run_left_out_kg` over single trials, `mean_kg` and `mean_left_out_kg` over load means.
     """
     estimates = campaign.estimates()
     single = run_errors(estimates).group_by("method", maintain_order=True).agg(
@@ -89,11 +92,11 @@ def errors(campaign: Campaign) -> pl.DataFrame:
     return single.join(means, "method", "left", maintain_order="left")
 
 
-def run_bound_kg(campaign: Campaign) -> float:
-    """The Cramér–Rao bound of one run's mass, r.m.s. over the runs that have an accepted window.
+def trial_bound_kg(campaign: ReplayedCampaign) -> float:
+    """Cramér–Rao bound of a trial's mass, r.m.s. over the trials that have an accepted window.
 
-    From all samples in accepted windows of the run, but those that truly brake: their force is not
-    what (7) says.
+    From all samples in accepted windows of the trial, but those that truly brake, where (7) does
+    not hold.
     """
     frames, scenario = campaign.replayed.frames, campaign.scenario
     window = campaign.settings.gate.window_samples
@@ -105,9 +108,9 @@ def run_bound_kg(campaign: Campaign) -> float:
         .filter(used)
         .sort("time_ns")
         .join_asof(campaign.noise_free.sort("time_ns"), on="time_ns")
-        .join_asof(campaign.runs.sort("start_ns"), left_on="time_ns", right_on="start_ns")
+        .join_asof(campaign.trials.sort("start_ns"), left_on="time_ns", right_on="start_ns")
         .filter((pl.col("time_ns") < pl.col("end_ns")) & (pl.col("phase") != "braking"))
-        .group_by("load_kg", "run", "mass_kg", "friction_N_s_m")
+        .group_by("load_kg", "run", "mass_kg", "friction_N_s_m", maintain_order=True)
         .agg(aa=(a * a).sum(), av=(a * v).sum(), vv=(v * v).sum())
     )
     noise_N = [
