@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 
 from analysis import online
 from analysis.gate import gate
+from analysis.methods import METHODS
 from analysis.segments import pooled_samples
 from analysis.settings import Settings
 from analysis.trace import trace
 from tests.analysis.settings_by_name import settings_of
 
-EVERY = ("ls", "rls", "fgls", "tls", "rtls", "huber", "pooled")
+EVERY = tuple(METHODS)
 THETA = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
 MANOEUVRES = ("standstill", "start", "cruise", "brake")
 
@@ -202,7 +203,7 @@ def test_a_step_leaves_the_state_that_it_was_given(two_starts):
 
 def test_the_deviations_are_those_of_a_moving_mean_over_white_noise(drive, excitation_of):
     """Their own, but of the size of the replay's."""
-    settings = Settings(trace={"methods": ("ls", "rls", "tls", "huber", "fgls", "rtls", "pooled")})
+    settings = Settings(trace={"methods": tuple(METHODS)})
     excitation = excitation_of(drive(seconds=(1.5, 6.0, 2.0, 1.5)))
     gated = gate(excitation, settings)
     frames = trace(excitation, gated, settings)
