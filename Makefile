@@ -7,11 +7,11 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test check lint types tests slow docs campaign coverage decoding forgetting gates reproduction reading speed memory fuzz lock clean help
+.PHONY: demo test check lint types tests slow golden golden-update docs campaign coverage decoding forgetting gates reproduction reading speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
 demo: $(RUN_STAMP) ## simulate the calibration campaign as real logs, replay it, show the answer
 	$(BIN)/payscope demo -o demo --force
@@ -49,6 +49,12 @@ $(TEST_STAMP): requirements-dev.lock $(RUN_STAMP)
 $(BENCH_STAMP): requirements-bench.lock $(TEST_STAMP)
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-bench.lock
 	@touch $@
+
+golden: $(TEST_STAMP) ## small logs give the results that are kept, bit for bit on the processor they are of
+	$(BIN)/python -m pytest tests/golden
+
+golden-update: $(TEST_STAMP) ## keep the results of the golden logs as they are now
+	$(BIN)/python -m tests.golden.golden
 
 docs: $(TEST_STAMP) ## run the documentation's commands and write down what comes out
 	$(BIN)/python -P docs/update.py

@@ -26,6 +26,7 @@ import polars as pl
 import typer
 
 REPO: Final = Path(__file__).resolve().parent.parent
+GOLDEN: Final = REPO / "tests/golden"
 ALL_METHODS: Final = ["ls", "rls", "fgls", "tls", "rtls", "huber", "pooled"]
 
 
@@ -80,10 +81,9 @@ def cases(data: Path) -> Iterator[Case]:
         for log in logs:
             yield from replays(Path("{made}", made.folder, log), loader, variants)
     yield Case("demo", command=("demo", "-o", ".", "--seed", "1"))
-    for golden in sorted((REPO / "tests/golden").glob("*.machine.toml")):
-        name = golden.name.removesuffix(".machine.toml")
-        (log,) = (p for p in golden.parent.glob(f"{name}.*") if p.suffix in (".mcap", ".csv"))
-        yield Case(f"golden {name}", (str(log),), str(golden))
+    for log in sorted(golden for end in ("mcap", "csv") for golden in GOLDEN.glob(f"*.{end}")):
+        own = log.with_name(f"{log.stem}.machine.toml")
+        yield from replays(log, str(own) if own.exists() else loader, variants)
     small = ("--trials", "20", "--campaigns", "2", "--format", "csv")
     yield Case("reproduce table1 fig2", command=("reproduce", "table1", "fig2", "-o", ".", *small))
 

@@ -1,7 +1,7 @@
 """The command line: `payscope COMMAND`. Data on stdout, messages on stderr.
 
-Exit status: 0 done; 1 the answer is no (cannot weigh); 2 bad input or usage, with one line that
-says which file, what is wrong and what to do.
+Exit status: 0 done; 1 the answer is no (cannot weigh, differs); 2 bad input or usage, with one
+line that says which file, what is wrong and what to do.
 """
 
 import os
@@ -13,6 +13,7 @@ import typer
 
 from estimators.errors import PayscopeError
 from replay.commands import (
+    compare,
     demo,
     excite,
     info,
@@ -34,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (demo, info, init, run, show, plot, view, sweep, reproduce, excite, simulate)
+_COMMANDS = (demo, info, init, run, show, plot, view, compare, sweep, reproduce, excite, simulate)
 for _command in _COMMANDS:
     app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
 

@@ -1,0 +1,195 @@
+"""`payscope compare`: two recordings of one log, side by side."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from analysis.comparison import Changed, ColumnChange, Comparison, EstimateChange
+
+#: Rows of a table that a person reads at a glance; --json gives all.
+_SHOWN: Final = 12
+#: Columns of a stage that are shown: what differs in one column mostly differs in its neighbours.
+_COLUMNS_SHOWN: Final = 4
+
+
+def command(
+    a: Annotated[Path, typer.Argument(help="The recording that changes are counted from (.rrd).")],
+    b: Annotated[Path, typer.Argument(help="The other recording.")],
+    rtol: Annotated[
+        float, typer.Option(min=0.0, help="Relative difference of numbers that is none.")
+    ] = 0.0,
+    other_logs: Annotated[
+        bool,
+        typer.Option(
+            "--other-logs", help="Compare settings, masses and verdict of different logs."
+        ),
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print every difference as JSON.")
+    ] = False,
+) -> None:
+    """Compare two recordings: settings, estimates, manoeuvres and columns that differ.
+
+    Numbers are compared bit for bit unless --rtol is given. Exit status 1 when anything differs
+    but file names and versions.
+    """
+    from replay.commands.printing import print_json
+    from replay.compare import compare_recordings
+
+    found = compare_recordings(a, b, rtol=rtol, other_logs=other_logs)
+    if as_json:
+        print_json({"a": str(a), "b": str(b), **found.to_dict()})
+    else:
+        _print(found, a, b)
+    if not found.equal:
+        raise typer.Exit(1)
+
+
+def _print(found: "Comparison", a: Path, b: Path) -> None:
+    """Print what differs, the answer before the details; nothing is printed of what is equal."""
+    from estimators.errors import counted
+    from replay.commands.printing import console, print_line, print_table
+
+    screen = console()
+
+    def part(title: str, table: "Table", rows: int) -> None:
+        screen.print(f"\n{title}", markup=False)
+        print_table(screen, table)
+        if rows > _SHOWN:
+            screen.print(f"… and {rows - _SHOWN} more: --json gives all")
+
+    print_line(screen, f"A  {a}")
+    print_line(screen, f"B  {b}")
+    for title, changes in (
+        ("settings", found.settings),
+        ("checks passed", found.checks),
+        ("inputs", found.inputs),
+        ("versions", found.versions),
+        ("losses, notes and stamps", found.told),
+    ):
+        if changes:
+            part(f"{title}:", _values(changes), len(changes))
+    if found.estimates:
+        title = "estimates over the whole log, those that moved most first:"
+        part(title, _estimates("method", found.estimates), len(found.estimates))
+    if found.manoeuvres:
+        title = "manoeuvres, those that moved most first:"
+        part(title, _estimates("manoeuvre", found.manoeuvres), len(found.manoeuvres))
+    for name, only in (("A", found.only_a), ("B", found.only_b)):
+        if only:
+            print_line(screen, f"\nstages in {name} alone: {', '.join(only)}")
+    if found.stages:
+        differing = sum(len(stage.columns) for stage in found.stages)
+        title = f"columns: {differing} of {found.columns} differ; of each stage, what changed most:"
+        part(title, _columns(found), 0)
+    whole = f"{counted(found.columns, 'column')} compared"
+    screen.print(f"\n{'Equal' if found.equal else 'They differ'}: {whole}.")
+
+
+def _values(changes: Iterable["Changed"]) -> "Table":
+    from rich.markup import escape
+
+    from replay.commands.printing import plain_table
+
+    table = plain_table("", "A", "B")
+    for column in table.columns[1:]:
+        column.justify, column.overflow = "left", "fold"
+    for change in list(changes)[:_SHOWN]:
+        table.add_row(*(escape(text) for text in (change.name, _said(change.a), _said(change.b))))
+    return table
+
+
+def _said(value: Any) -> str:
+    """A value as a machine file writes it."""
+    import json
+
+    if value is None:
+        return "–"
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+_UNITS: Final = {
+    "mass_kg": "mass kg",
+    "friction_x_N_s_m": "friction N·s/m",
+    "coulomb_x_N": "Coulomb N",
+    "inertia_z_kg_m2": "yaw inertia kg·m²",
+}
+
+
+def _estimates(about: str, changes: Iterable["EstimateChange"]) -> "Table":
+    from replay.commands.printing import plain_table
+
+    table = plain_table(about, "", "A", "B", "change", "in std")
+    table.columns[1].justify = "left"
+    for each in list(changes)[:_SHOWN]:
+        table.add_row(
+            each.about,
+            _UNITS[each.quantity],
+            _estimate(each.a, each.a_std),
+            _estimate(each.b, each.b_std),
+            _signed(each.change),
+            "" if each.stds is None else f"{each.stds:+.2f}",
+        )
+    return table
+
+
+def _estimate(value: float | None, std: float | None) -> str:
+    if value is None:
+        return "none"
+    return f"{value:,.2f}" + ("" if std is None else f" ± {std:,.2f}")
+
+
+def _signed(change: float | None) -> str:
+    if change is None:
+        return ""
+    return f"{change:+,.2f}" if abs(change) >= 0.005 else f"{change:+.1e}"
+
+
+def _columns(found: "Comparison") -> "Table":
+    from rich.markup import escape
+
+    from estimators.errors import counted
+    from replay.commands.printing import plain_table
+
+    table = plain_table("stage", "column", "rows that differ", "largest change", "relative", "at s")
+    table.columns[1].justify = "left"
+    for stage in found.stages:
+        about = stage.name
+        if stage.rows_a != stage.rows_b or stage.common != stage.rows_a:
+            rows = (
+                f"{counted(stage.rows_a, 'row')} in A, {stage.rows_b:,} in B, "
+                f"{stage.common:,} in both"
+            )
+            table.add_row(escape(about), rows)
+            about = ""
+        if stage.order:
+            table.add_row(escape(about), "the order of the columns")
+            about = ""
+        by_change = sorted(stage.columns, key=_extent, reverse=True)
+        for column in by_change[:_COLUMNS_SHOWN]:
+            table.add_row(escape(about), escape(column.name), *_extents(column, stage.common))
+            about = ""
+        if len(by_change) > _COLUMNS_SHOWN:
+            table.add_row("", f"… and {len(by_change) - _COLUMNS_SHOWN} more")
+    return table
+
+
+def _extent(column: "ColumnChange") -> tuple[float, int]:
+    return column.largest_relative or 0.0, column.rows
+
+
+def _extents(column: "ColumnChange", common: int) -> tuple[str, ...]:
+    if column.fault:
+        return (column.fault,)
+    rows = f"{column.rows:,} ({column.rows / common:.1%})"
+    return (
+        rows,
+        "" if column.largest is None else f"{column.largest:+.3g}",
+        "" if column.largest_relative is None else f"{column.largest_relative:.1e}",
+        "" if column.at_s is None else f"{column.at_s:,.2f}",
+    )

@@ -1,0 +1,63 @@
+"""The command `compare`: two recordings held against each other, read a few columns at a time."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import polars as pl
+
+from analysis.comparison import Comparison, compare, same_inputs
+from analysis.run import Provenance
+from estimators.errors import RecordingError
+from recordings import read_frame, read_provenance, stages
+
+
+class Recorded:
+    """A recording as a replay to compare: only what is asked for is read."""
+
+    def __init__(self, path: Path) -> None:
+        """Read what describes it.
+
+        Raises:
+            RecordingError: no such recording, or not one that this payscope reads.
+        """
+        self._path = path
+        self.provenance: Provenance = read_provenance(path)
+        self.stages: Mapping[str, Sequence[str]] = stages(path)
+
+    def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
+        """Some columns of a frame."""
+        return read_frame(self._path, stage, columns)
+
+
+def compare_recordings(
+    a: Path, b: Path, *, rtol: float = 0.0, other_logs: bool = False
+) -> Comparison:
+    """Compare two recordings.
+
+    Args:
+        a: the one that changes are counted from.
+        b: the other.
+        rtol: relative differences of numbers up to this count as none.
+        other_logs: whether the two may be of different logs; then only settings, masses and
+            verdict are compared.
+
+    Raises:
+        RecordingError: one of them cannot be read, or their rows do not correspond.
+    """
+    mine, theirs = Recorded(a), Recorded(b)
+    if not set(mine.stages) & set(theirs.stages):
+        raise RecordingError(
+            f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
+            f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
+        )
+    if not other_logs and not same_inputs(mine.provenance, theirs.provenance):
+        names = [
+            ", ".join(each.name for each in replay.provenance.inputs) or "no file"
+            for replay in (mine, theirs)
+        ]
+        raise RecordingError(
+            f"{a} and {b}: are replays of different inputs ({names[0]} | {names[1]}, by SHA-256), "
+            "so that their rows do not correspond; --other-logs compares settings, masses and "
+            "verdict alone"
+        )
+    return compare(mine, theirs, rtol=rtol, rows=not other_logs)
