@@ -4,7 +4,6 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from analysis.settings import AlignSettings
 
@@ -53,6 +52,9 @@ def low_pass(
     Returns:
         Stamps and filtered samples.
     """
+    # late: it takes as long to import as all else that a run imports, and few logs need it
+    from scipy.signal import butter, sosfilt, sosfilt_zi, sosfiltfilt
+
     period = period_ns(t_ns)
     sos = cast("Floats", butter(_ORDER, cutoff_hz, fs=1e9 / period, output="sos"))
     settle = 3 * (2 * sos.shape[0] + 1)

@@ -3,7 +3,6 @@
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
-from scipy.constants import g as standard_gravity
 
 from analysis.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
 from analysis.phases import beside_speed_rate, span_rows, yaw_pace
@@ -16,6 +15,8 @@ from estimators import ls, neighbours
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
+
+_STANDARD_GRAVITY_M_S2 = 9.80665
 
 
 def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
@@ -155,7 +156,7 @@ def without_gravity(specific_force: Floats, pitch: Floats | None) -> Floats:
     if pitch is None:
         return specific_force
     # what local gravity differs from the standard's is far below any slip
-    return specific_force - standard_gravity * np.sin(pitch)
+    return specific_force - _STANDARD_GRAVITY_M_S2 * np.sin(pitch)
 
 
 def slipping(speed_rate: Floats, acceleration: Floats, settings: Settings) -> Bools:

@@ -66,6 +66,18 @@ def test_help_loads_none_of_the_heavy_libraries() -> None:
     assert loaded.stdout.strip() == "[]"
 
 
+def test_a_run_begins_without_what_it_may_not_need() -> None:
+    late = ("scipy.signal", "scipy.stats", "rerun", "matplotlib", "pyarrow", "rosbags", "pint")
+    code = (
+        "import sys, replay.commands.cli, replay.commands.progress, replay.replay_logs\n"
+        f"print([name for name in {late!r} if name in sys.modules])"
+    )
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=REPO
+    )
+    assert loaded.stdout.strip() == "[]"
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: str(p.relative_to(REPO)))
 def test_a_file_holds_one_idea_in_at_most_400_lines(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
