@@ -57,4 +57,7 @@ def shared_data() -> Path:
     for folder in candidates:
         if folder.is_dir():
             return folder
-    pytest.skip("no shared/data in any parent folder; PAYSCOPE_SHARED_DATA may name it")
+    pytest.skip(
+        "bytes of others: no shared/data in any parent folder (PAYSCOPE_SHARED_DATA may name it); "
+        "the same is asked of logs of our own"
+    )

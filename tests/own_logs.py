@@ -11,6 +11,7 @@ import sqlite3
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import closing
+from itertools import product
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -80,6 +81,7 @@ def make(folder: Path) -> Path:
     whole = (bags / "zstd.mcap").read_bytes()
     (bags / "torn.mcap").write_bytes(whole[: len(whole) * 2 // 3])
     _services(bags / "topics_and_services.mcap")
+    _conformance(folder / "mcap_conformance")
     _db3(bags / "with-definitions.db3", strangers(ROS2, "db3"))
     _db3(bags / "without-definitions.db3", strangers(ROS2, "old"))
     with closing(sqlite3.connect(bags / "without-definitions.db3")) as database:
@@ -274,6 +276,34 @@ def _mcap(path: Path, stored: Iterable[Stored], **options: Any) -> None:
             data = bytes(ROS2.serialize_cdr(message, kind))
             writer.add_message(channels[topic], time_ns, data, time_ns)
         writer.finish()
+
+
+def _conformance(folder: Path) -> None:
+    """A file a way to write nothing, a message or an attachment, as MCAP's own suite has them."""
+    folder.mkdir()
+    chunked, repeated, statistics = ([True, False] for _ in range(3))
+    indexes = [IndexType.ALL, IndexType.NONE, IndexType.CHUNK]
+    held = ["nothing", "message", "attachment"]
+    ways = product(held, chunked, indexes, repeated, statistics)
+    for number, (what, use_chunking, index_types, repeat, use_statistics) in enumerate(ways):
+        with (folder / f"{number:02}-{what}.mcap").open("wb") as file:
+            writer = McapWriter(
+                file,
+                use_chunking=use_chunking,
+                index_types=index_types,
+                repeat_channels=repeat,
+                repeat_schemas=repeat,
+                use_statistics=use_statistics,
+                use_summary_offsets=repeat,
+            )
+            writer.start()
+            if what == "message":
+                schema = writer.register_schema("Example", "c", b"\4\5\6")
+                channel = writer.register_channel("example", "a", schema, {"foo": "bar"})
+                writer.add_message(channel, 2, b"\1\2\3", 1, sequence=10)
+            elif what == "attachment":
+                writer.add_attachment(2, 1, "myFile", "application/octet-stream", b"\1\2\3")
+            writer.finish()
 
 
 def _services(path: Path) -> None:
