@@ -2,6 +2,7 @@
 
     python -P docs/update.py            rewrite README.md and docs/*.md
     python -P docs/update.py --check    exit 1 when what is written is not what comes out
+    python -P docs/update.py --check README.md      the same of this page and those before it
 
 A block begins with ```console; each line `$ payscope …` in it is run in one temporary folder, page
 after page, so that a page may use what one before it made. Numbers may differ by 1 % between
@@ -132,12 +133,13 @@ def _output(command: str, folder: Path) -> str:
     return "\n".join(line.rstrip() for line in left.stdout.rstrip().splitlines()) + "\n"
 
 
-def main(check: bool) -> int:
-    """Update or check every page; the number of pages that differ when checking."""
+def main(check: bool, last: str | None = None) -> int:
+    """Update or check the pages up to `last`; the number of pages that differ when checking."""
     differ = 0
+    names = [page.name for page in PAGES]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "examples").symlink_to(REPO / "examples")
-        for page in PAGES:
+        for page in PAGES[: names.index(last) + 1 if last else None]:
             written = page.read_text(encoding="utf-8")
             now = updated(written, Path(folder))
             if not check:
@@ -149,4 +151,5 @@ def main(check: bool) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main("--check" in sys.argv[1:]))
+    _words = sys.argv[1:]
+    sys.exit(main("--check" in _words, *(word for word in _words if word != "--check")))

@@ -36,6 +36,20 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 @pytest.fixture(scope="session")
+def own_data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs of our own making, laid out like those of others."""
+    from tests.own_logs import make
+
+    return make(tmp_path_factory.mktemp("own", numbered=False))
+
+
+@pytest.fixture(params=["own", "others"])
+def data(request: pytest.FixtureRequest) -> Path:
+    """Logs of our own, then those of others where they are."""
+    return request.getfixturevalue("own_data" if request.param == "own" else "shared_data")
+
+
+@pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Logs recorded by others, which the repository does not hold."""
     named = os.environ.get("PAYSCOPE_SHARED_DATA")
@@ -43,4 +57,7 @@ def shared_data() -> Path:
     for folder in candidates:
         if folder.is_dir():
             return folder
-    pytest.skip("no shared/data in any parent folder; PAYSCOPE_SHARED_DATA may name it")
+    pytest.skip(
+        "bytes of others: no shared/data in any parent folder (PAYSCOPE_SHARED_DATA may name it); "
+        "the same is asked of logs of our own"
+    )

@@ -26,7 +26,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Run:
         "cat262c.toml",
         [
             "channels.yaw_acc_rad_s2.derive=d/dt yaw_rate_rad_s",
-            f"settings.methods={list(METHODS)}".replace("'", '"'),
+            f"settings.trace.methods={list(METHODS)}".replace("'", '"'),
         ],
     )
     with open_log(path) as log:

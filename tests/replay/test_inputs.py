@@ -124,13 +124,13 @@ def even_after(row: int) -> pl.Expr:
 
 
 def test_a_joint_that_no_message_has_is_answered_with_the_nearest(
-    shared_data: Path,
+    own_data: Path,
 ) -> None:
     machine = load_machine(
         EXAMPLES / "husky_imu.toml", ["channels.torque_left_N_m.field='effort[lef]'"]
     )
     with (
-        open_log(shared_data / "logs/husky_asphalt.bag") as log,
+        open_log(own_data / "logs/husky_asphalt.bag") as log,
         pytest.raises(LogError, match=r"no 'lef' .* did you mean 'left'\?"),
     ):
         read_channels([log], machine)

@@ -1,4 +1,4 @@
-"""The main job on logs that others recorded: what can be weighed, and what must be refused."""
+"""The main job on logs of our own and of others: what can be weighed, and what must be refused."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,7 +27,7 @@ def pooled(replayed: Run) -> dict[str, float]:
 
 
 class TestLinearAxis:
-    """A motor-driven mass with a published reference: 95.11 kg, 203.5 N·s/m, 20.4 N."""
+    """A motor-driven mass with a published reference, ours alike: 95.11 kg, 203.5 N·s/m, 20.4 N."""
 
     LOGS = (
         ("linear_axis.csv", "linear_axis.toml"),
@@ -38,32 +38,30 @@ class TestLinearAxis:
     @pytest.mark.parametrize("coulomb", ["true", "false"])
     @pytest.mark.parametrize(("log", "machine_file"), LOGS)
     def test_pooled_mass_is_within_two_percent(
-        self, shared_data: Path, log: str, machine_file: str, coulomb: str
+        self, data: Path, log: str, machine_file: str, coulomb: str
     ) -> None:
-        replayed = replay(
-            shared_data / "logs" / log, machine_file, [f"settings.forces.coulomb={coulomb}"]
-        )
+        replayed = replay(data / "logs" / log, machine_file, [f"settings.forces.coulomb={coulomb}"])
         assert pooled(replayed)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
 
-    def test_three_formats_give_the_same_masses(self, shared_data: Path) -> None:
+    def test_three_formats_give_the_same_masses(self, data: Path) -> None:
         masses = [
-            pooled(replay(shared_data / "logs" / log, machine_file))["mass_kg"]
+            pooled(replay(data / "logs" / log, machine_file))["mass_kg"]
             for log, machine_file in self.LOGS
         ]
         assert masses[1:] == pytest.approx(masses[:1] * 2, rel=1e-9)
 
-    def test_with_the_coulomb_term_friction_is_within_five_percent(self, shared_data: Path) -> None:
-        found = pooled(replay(shared_data / "logs/linear_axis.csv", "linear_axis.toml"))
+    def test_with_the_coulomb_term_friction_is_within_five_percent(self, data: Path) -> None:
+        found = pooled(replay(data / "logs/linear_axis.csv", "linear_axis.toml"))
         assert found["friction_x_N_s_m"] == pytest.approx(REFERENCE_N_S_M, rel=0.05)
         assert found["coulomb_x_N"] == pytest.approx(20.4, abs=1.5)
 
     @pytest.mark.parametrize("window", [100, 200], ids=["1 s", "2 s"])
     def test_with_the_file_as_shipped_windows_with_braking_are_within_six_percent_of_the_reference(
-        self, shared_data: Path, window: int
+        self, data: Path, window: int
     ) -> None:
         """The machine file's settings were fixed before; the window alone is asked for here."""
         replayed = replay(
-            shared_data / "logs/linear_axis.csv",
+            data / "logs/linear_axis.csv",
             "linear_axis.toml",
             [
                 f"settings.gate.window_samples={window}",
@@ -79,11 +77,11 @@ class TestLinearAxis:
     @pytest.mark.parametrize("coulomb", ["true", "false"])
     @pytest.mark.parametrize("window", [100, 200, 320])
     def test_the_95_percent_interval_of_the_pooled_mass_contains_the_reference(
-        self, shared_data: Path, window: int, coulomb: str
+        self, data: Path, window: int, coulomb: str
     ) -> None:
         found = pooled(
             replay(
-                shared_data / "logs/linear_axis.csv",
+                data / "logs/linear_axis.csv",
                 "linear_axis.toml",
                 [f"settings.gate.window_samples={window}", f"settings.forces.coulomb={coulomb}"],
             )
@@ -92,34 +90,34 @@ class TestLinearAxis:
         assert abs(found["mass_kg"] - REFERENCE_KG) < half
         assert half < 0.04 * found["mass_kg"]
 
-    def test_a_stricter_gate_chooses_some_windows_and_keeps_the_mass(
-        self, shared_data: Path
-    ) -> None:
-        log = shared_data / "logs/linear_axis.csv"
+    def test_a_stricter_gate_chooses_some_windows_and_keeps_the_mass(self, data: Path) -> None:
+        log = data / "logs/linear_axis.csv"
         loose = replay(log, "linear_axis.toml")
-        strict = replay(log, "linear_axis.toml", ["settings.gate.threshold_nat=1.1"])
+        threshold = {"own": 1.07}.get(data.name, 1.1)
+        strict = replay(log, "linear_axis.toml", [f"settings.gate.threshold_nat={threshold}"])
         accepted = [r.frames["gate"]["accepted_x"].sum() for r in (loose, strict)]
         assert 0 < accepted[1] < accepted[0] / 2
         gated = strict.frames["gate"].filter(pl.col("reason_x") == "low_information")
         assert gated.height
-        assert gated["mi_x_nat"].max() < 1.1
+        assert gated["mi_x_nat"].max() < threshold
         assert pooled(strict)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
 
-    def test_excluding_braking_leaves_no_window_and_says_why(self, shared_data: Path) -> None:
+    def test_excluding_braking_leaves_no_window_and_says_why(self, data: Path) -> None:
         refused = replay(
-            shared_data / "logs/linear_axis.csv",
+            data / "logs/linear_axis.csv",
             "linear_axis.toml",
             ["settings.gate.exclude_braking=true"],
         )
         result = answer(refused).to_dict()
+        longest_s = {"own": "0.92"}.get(data.name, "1.15")
         assert result["verdict"]["can_weigh"] is False
         assert all(mass is None for mass in result["mass_kg"].values())
         assert result["notes"] == [
-            "the longest stretch without braking is 1.15 s, the window 3.20 s"
+            f"the longest stretch without braking is {longest_s} s, the window 3.20 s"
         ]
 
-    def test_a_force_without_sign_is_refused(self, shared_data: Path, tmp_path: Path) -> None:
-        table = pl.read_csv(shared_data / "logs/linear_axis.csv")
+    def test_a_force_without_sign_is_refused(self, data: Path, tmp_path: Path) -> None:
+        table = pl.read_csv(data / "logs/linear_axis.csv")
         unsigned = tmp_path / "unsigned.csv"
         table.with_columns(pl.col("force_N").abs()).write_csv(unsigned)
         for exclude in ("true", "false"):
@@ -156,9 +154,9 @@ class TestHusky:
         ],
     )
     def test_the_mass_is_withheld_by_general_checks(
-        self, shared_data: Path, log: str, machine_file: str, overrides: tuple[str, ...]
+        self, data: Path, log: str, machine_file: str, overrides: tuple[str, ...]
     ) -> None:
-        refused = replay(shared_data / "logs" / log, machine_file, overrides)
+        refused = replay(data / "logs" / log, machine_file, overrides)
         failed = failed_checks(refused)
         assert {"opposing_share", "partial_correlation", "r_squared", "relative_std"} <= failed
         assert refused.frames["masses"]["mass_kg"].null_count() == 5
@@ -179,10 +177,10 @@ class TestHusky:
         ],
     )
     def test_turns_with_unsigned_currents_tell_no_inertia_and_no_centre_of_mass(
-        self, shared_data: Path, loose: tuple[str, ...]
+        self, data: Path, loose: tuple[str, ...]
     ) -> None:
         turns = 'channels.yaw_acc_rad_s2.derive="d/dt yaw_rate_rad_s"'
-        log = shared_data / "logs/husky_asphalt.bag"
+        log = data / "logs/husky_asphalt.bag"
         refused = replay(log, "husky_imu.toml", (turns, *loose))
         assert refused.frames["gate"]["accepted_z"].any() == bool(loose)
         assert refused.frames["masses"]["inertia_z_kg_m2"].null_count() == 5
@@ -193,8 +191,6 @@ class TestHusky:
         assert planar["com_x_m"].null_count() == planar.height
         assert answer(refused).verdict.tells_inertia is False
 
-    def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
-        self, shared_data: Path
-    ) -> None:
-        refused = replay(shared_data / "logs/husky_asphalt.bag", "husky_wheels.toml")
+    def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(self, data: Path) -> None:
+        refused = replay(data / "logs/husky_asphalt.bag", "husky_wheels.toml")
         assert any("only 6.5 Hz" in note for note in refused.provenance.notes)

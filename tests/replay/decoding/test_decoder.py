@@ -116,7 +116,7 @@ def test_batches_of_any_size_give_the_rows_in_their_order_and_a_tally() -> None:
     assert tally.first_fault.startswith("a list is longer than what is left of it")
 
 
-def test_describing_a_log_does_not_wait_for_the_compiler(shared_data: Path) -> None:
+def test_describing_a_log_does_not_wait_for_the_compiler(own_data: Path) -> None:
     import subprocess
     import sys
 
@@ -124,6 +124,6 @@ def test_describing_a_log_does_not_wait_for_the_compiler(shared_data: Path) -> N
         "import sys; from replay import open_log; open_log(sys.argv[1]).topics(); "
         "print([name for name in ('numba', 'pyarrow') if name in sys.modules])"
     )
-    log = shared_data / "logs/husky_asphalt.bag"
+    log = own_data / "logs/husky_asphalt.bag"
     command = [sys.executable, "-c", code, str(log)]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -1,4 +1,4 @@
-"""Logs recorded by others, against rosbags' AnyReader, which decodes whole files."""
+"""Logs of our own and of others, against rosbags' AnyReader, which decodes whole files."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -29,8 +29,24 @@ from tests.replay.decoding.test_equality import same
 
 CONTAINERS = {".bag": BagFile, ".db3": Db3File, ".mcap": McapFile, "": Rosbag2Directory}
 
-#: Files that AnyReader reads as a whole, each with a topic and fields to compare.
-READABLE = {
+#: Files that AnyReader reads as a whole, each with a topic and fields to compare: our own,
+OWN = {
+    "bags/plain.bag": ("/gps", ["header.seq", "status.status"]),
+    "bags/lz4.bag": ("/joints", ["header.seq", "header.frame_id"]),
+    "bags/bz2.bag": ("chatter", ["data"]),
+    "bags/unsorted-chunks.bag": ("chatter", ["data"]),
+    "bags/since-boot.bag": ("/imu", ["header.seq"]),
+    "bags/zstd.mcap": ("/gps", ["status.service", "position_covariance_type"]),
+    "bags/lz4.mcap": ("/joints", ["header.frame_id"]),
+    "bags/plain.mcap": ("chatter", ["data"]),
+    "bags/with-definitions.db3": ("chatter", ["data"]),
+    "logs/husky_asphalt.bag": ("/drives", ["effort[0]", "effort[1]"]),
+    "logs/husky_asphalt_ros2": ("/imu/data", ["linear_acceleration.x"]),
+    "logs/linear_axis.bag": ("/axis", ["position[0]", "effort[0]"]),
+    "logs/linear_axis_ros2": ("/axis", ["position[0]", "effort[0]"]),
+}
+#: and those of others.
+OTHERS = {
     "bags/example-bz2.bag": ("/turtle1/pose", ["x", "theta"]),
     "bags/example-lz4.bag": ("/turtle1/cmd_vel", ["linear.x", "angular.z"]),
     "bags/example-unsorted-chunks.bag": ("foo", ["data"]),
@@ -47,9 +63,10 @@ READABLE = {
 }
 
 
-@pytest.fixture(params=READABLE)
-def log_path(request: pytest.FixtureRequest, shared_data: Path) -> Path:
-    return shared_data / request.param
+@pytest.fixture(params=[*(("own", name) for name in OWN), *(("others", name) for name in OTHERS)])
+def log_path(request: pytest.FixtureRequest) -> Path:
+    whose, name = request.param
+    return request.getfixturevalue("own_data" if whose == "own" else "shared_data") / name
 
 
 def oracle(path: Path, topic: str) -> Iterator[tuple[int, Any]]:
@@ -77,8 +94,9 @@ def test_topics_and_counts_are_those_of_anyreader(log_path: Path) -> None:
     assert log.losses() == ()
 
 
-def test_fields_are_those_of_anyreader(log_path: Path, shared_data: Path) -> None:
-    topic, fields = READABLE[str(log_path.relative_to(shared_data))]
+def test_fields_are_those_of_anyreader(log_path: Path) -> None:
+    readable = OWN if log_path.parent.parent.name == "own" else OTHERS
+    topic, fields = readable["/".join(log_path.parts[-2:])]
     frame = open_log(log_path).read(topic, fields)
     messages = sorted(oracle(log_path, topic), key=lambda pair: pair[0])
     assert frame["log_time_ns"].to_list() == [time for time, _ in messages]
@@ -116,8 +134,8 @@ def test_every_field_of_every_topic_is_that_of_rosbags(log_path: Path) -> None:
         assert same(log.read(topic, names), expected)
 
 
-def test_csv_bag_and_rosbag2_of_one_run_hold_the_same_samples(shared_data: Path) -> None:
-    logs = shared_data / "logs"
+def test_csv_bag_and_rosbag2_of_one_run_hold_the_same_samples(data: Path) -> None:
+    logs = data / "logs"
     table = open_log(logs / "linear_axis.csv").read("table", ["position_m", "force_N"])
     fields = ["position[slide]", "effort[slide]"]
     for name in ("linear_axis.bag", "linear_axis_ros2"):
@@ -129,32 +147,33 @@ def test_csv_bag_and_rosbag2_of_one_run_hold_the_same_samples(shared_data: Path)
         assert frame.select(fields).rows() == table.select("position_m", "force_N").rows()
 
 
-def test_the_wheels_of_the_husky_are_found_by_name(shared_data: Path) -> None:
+def test_the_wheels_of_the_husky_are_found_by_name(data: Path) -> None:
     fields = ["velocity[left]", "velocity[right]", "effort[left]"]
-    frame = open_log(shared_data / "logs/husky_asphalt.bag").read("/drives", fields)
+    frame = open_log(data / "logs/husky_asphalt.bag").read("/drives", fields)
     assert frame.height == 338
     assert frame.select(pl.col(fields).null_count()).row(0) == (0, 0, 0)
 
 
-def test_service_events_cost_their_topic_only(shared_data: Path) -> None:
-    log = open_log(shared_data / "bags/topics_and_services.mcap")
+def test_service_events_cost_their_topic_only(data: Path) -> None:
+    log = open_log(data / "bags/topics_and_services.mcap")
     problems = dict(log.topics().select("topic", "problem").rows())
     assert problems["/parameter_events"] is None
     assert "definition of a service" in problems["/add_two_ints/_service_event"]
-    assert log.read("/parameter_events", ["node"]).height == 7
+    field = {"own": "data"}.get(data.name, "node")
+    assert log.read("/parameter_events", [field]).height == 7
     assert [loss.topic for loss in log.losses()] == ["/add_two_ints/_service_event"]
 
 
-def test_definitions_that_are_placeholders_cost_their_topics_only(shared_data: Path) -> None:
-    log = open_log(shared_data / "bags/talker.db3")
+def test_definitions_that_are_placeholders_cost_their_topics_only(data: Path) -> None:
+    log = open_log(data / "bags/talker.db3")
     assert log.read("/topic", ["data"])["data"][0] == "Hello, world! 0"
     with pytest.raises(LogError, match="none of its 10 messages fits the definition"):
         log.read("/rosout", [])
 
 
-def test_an_empty_file_says_so_in_one_line(shared_data: Path) -> None:
+def test_an_empty_file_says_so_in_one_line(data: Path) -> None:
     with pytest.raises(LogError, match=r"the file is empty \(0 bytes\)") as caught:
-        open_log(shared_data / "bags" / "empty-file.bag")
+        open_log(data / "bags" / "empty-file.bag")
     assert_one_line(caught.value)
 
 
@@ -169,12 +188,22 @@ def test_a_bag_of_which_bytes_are_missing_is_read_but_for_what_they_tore(shared_
     assert any("bytes in the chunk at byte 4117" in loss.what for loss in log.losses())
 
 
+def test_files_of_our_own_that_are_torn_are_read_but_for_what_the_tear_cost(own_data: Path) -> None:
+    for torn, whole in (("torn.bag", "plain.bag"), ("torn.mcap", "zstd.mcap")):
+        held = dict(counts(open_log(own_data / "bags" / whole)))
+        log = open_log(own_data / "bags" / torn)
+        found = dict(counts(log))
+        assert 0 < sum(found.values()) < sum(held.values())
+        assert all(found[topic] <= held[topic] for topic in found)
+        assert log.losses()
+
+
 def counts(log: Log) -> list[tuple[str, int]]:
     return log.topics().select("topic", "messages").rows()
 
 
-def test_a_bag_without_messages_has_no_topics(shared_data: Path) -> None:
-    log = open_log(shared_data / "bags/no-messages.bag")
+def test_a_bag_without_messages_has_no_topics(data: Path) -> None:
+    log = open_log(data / "bags/no-messages.bag")
     assert log.topics().is_empty()
     with pytest.raises(LogError, match="no topic '/imu'; known: none"):
         log.read("/imu", [])
