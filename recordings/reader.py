@@ -136,7 +136,14 @@ def _described(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
             Manifest.model_validate_json(found["manifest"]),
             Provenance.model_validate(json.loads(found["provenance"])),
         )
-    except (ValidationError, json.JSONDecodeError) as error:
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise RecordingError(
+            f"{path}: this payscope cannot read its description ({where}: {first['msg']}); "
+            "use the payscope that wrote it, or replay the log"
+        ) from error
+    except json.JSONDecodeError as error:
         raise RecordingError(f"{path}: its description is damaged; replay the log") from error
 
 
