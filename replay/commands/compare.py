@@ -21,7 +21,7 @@ def command(
     a: Annotated[Path, typer.Argument(help="The recording that changes are counted from (.rrd).")],
     b: Annotated[Path, typer.Argument(help="The other recording.")],
     rtol: Annotated[
-        float, typer.Option(min=0.0, help="Relative difference of numbers that is none.")
+        float, typer.Option(min=0.0, help="Largest relative difference that counts as none.")
     ] = 0.0,
     other_logs: Annotated[
         bool,
@@ -45,12 +45,12 @@ def command(
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
     else:
-        _print(found, a, b)
+        _print(found, a, b, rtol)
     if not found.equal:
         raise typer.Exit(1)
 
 
-def _print(found: "Comparison", a: Path, b: Path) -> None:
+def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
     """Print what differs, the answer before the details; nothing is printed of what is equal."""
     from estimators.errors import counted
     from replay.commands.printing import console, print_line, print_table
@@ -87,8 +87,10 @@ def _print(found: "Comparison", a: Path, b: Path) -> None:
         differing = sum(len(stage.columns) for stage in found.stages)
         title = f"columns: {differing} of {found.columns} differ; of each stage, what changed most:"
         part(title, _columns(found), 0)
-    whole = f"{counted(found.columns, 'column')} compared"
-    screen.print(f"\n{'Equal' if found.equal else 'They differ'}: {whole}.")
+    whole = counted(found.columns, "column")
+    exact = f"to {rtol:g}" if rtol else "bit for bit"
+    said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."
+    screen.print(f"\n{said}", markup=False)
 
 
 def _values(changes: Iterable["Changed"]) -> "Table":
