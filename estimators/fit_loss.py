@@ -24,18 +24,22 @@ def _products_at_distances(Q: Floats, distances: int) -> Floats:
     groups = -(-distances // _AT_ONCE)
     # zeros behind the end, so that all distances of a group have as many terms
     columns = np.zeros((p, n + groups * _AT_ONCE))
-    columns[:, :n] = Q.T
+    for i in range(p):
+        for k in range(n):
+            columns[i, k] = Q[k, i]
     cross = np.zeros((groups * _AT_ONCE, p, p))
     sums = np.empty(_AT_ONCE)
     for first in range(0, min(cross.shape[0], n), _AT_ONCE):
         for i in range(p):
             for c in range(p):
-                sums[:] = 0.0
+                for e in range(_AT_ONCE):
+                    sums[e] = 0.0
                 for k in range(n - first):
                     q, others = columns[i, k], columns[c, k + first : k + first + _AT_ONCE]
                     for e in range(_AT_ONCE):
                         sums[e] += q * others[e]
-                cross[first : first + _AT_ONCE, i, c] = sums
+                for e in range(_AT_ONCE):
+                    cross[first + e, i, c] = sums[e]
     return cross
 
 
@@ -79,48 +83,56 @@ def _orthonormal(A: Floats) -> Floats:
     """An orthonormal basis of the columns of A (n, p), without those that depend on others."""
     n, p = A.shape
     Q = np.zeros((n, p))
+    q, other = np.empty(n), np.empty(n)
     for i in range(p):
-        q = A[:, i].copy()
+        for k in range(n):
+            q[k] = A[k, i]
         size = np.sqrt(q @ q)
         # twice is enough (Giraud, Langou, Rozložník 2005)
         for _ in range(2):
             for c in range(i):
-                q -= (Q[:, c].copy() @ q) * Q[:, c]
+                for k in range(n):
+                    other[k] = Q[k, c]
+                along = other @ q
+                for k in range(n):
+                    q[k] -= along * other[k]
         left = np.sqrt(q @ q)
         if left > 1e-7 * size:
-            Q[:, i] = q / left
+            for k in range(n):
+                Q[k, i] = q[k] / left
     return Q
 
 
-@compiled
 def _spans(group: Ints, some: Ints) -> Ints:
     """First and last sample of each of `some` (ascending) groups, (fits, 2)."""
-    spans = np.full((some.size, 2), -1, np.int64)
-    for k in range(group.size):
-        fit = np.searchsorted(some, group[k])
-        if fit < some.size and some[fit] == group[k]:
-            if spans[fit, 0] < 0:
-                spans[fit, 0] = k
-            spans[fit, 1] = k
+    fit = np.minimum(np.searchsorted(some, group), some.size - 1)
+    inside = np.flatnonzero(some[fit] == group)
+    spans = np.empty((some.size, 2), np.int64)
+    # of several assignments to one place the last one holds
+    spans[fit[inside[::-1]], 0] = inside[::-1]
+    spans[fit[inside], 1] = inside
     return spans
 
 
 @compiled
 def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
     """Loss over pairs, (lags, lags), of the fits that lie in `spans`."""
+    p = A.shape[1]
     loss = np.zeros((lags, lags))
     pairs = np.zeros(lags)
-    for first, last in spans:
-        mine = group[first : last + 1] == group[first]
-        B = np.zeros((mine.size, A.shape[1]))
-        for k in range(mine.size):
-            if mine[k]:
-                B[k] = A[first + k]
-                for j in range(min(lags, mine.size - k)):
-                    pairs[j] += mine[k + j]
+    for fit in range(spans.shape[0]):
+        first, n = spans[fit, 0], spans[fit, 1] - spans[fit, 0] + 1
+        B = np.zeros((n, p))
+        for k in range(n):
+            if group[first + k] == group[first]:
+                for c in range(p):
+                    B[k, c] = A[first + k, c]
+                for j in range(min(lags, n - k)):
+                    pairs[j] += 1.0 if group[first + k + j] == group[first] else 0.0
         _add_loss(_orthonormal(B), loss)
     for j in range(lags):
-        loss[j] /= max(pairs[j], 1.0)
+        for m in range(lags):
+            loss[j, m] /= max(pairs[j], 1.0)
     return loss
 
 

@@ -16,7 +16,14 @@ from estimators.compiled import compiled
 from estimators.estimate import Bools, Estimate, Floats, Ints, Trace
 from estimators.linear import lstsq, packed_index
 from estimators.normal_equations import gram, residual_squares, solve
-from estimators.reweighted import AT_ONCE, batch_starts, load, residuals, reweighted_sums
+from estimators.reweighted import (
+    AT_ONCE,
+    batch_starts,
+    consecutive,
+    load,
+    residuals,
+    reweighted_sums,
+)
 from estimators.rolling import sample_products, sum_windows, window_ends
 from estimators.sandwich import window_deviation, window_deviations
 from estimators.threads import in_chunks
@@ -147,7 +154,7 @@ def _newton_sums(
         m = end - begin
         load(A, f, index[begin] - window + 1, window + m - 1, z)
         sample_products(z, window + m - 1, raw)
-        now, bends = theta[:, begin:end].copy(), limit[begin:end]
+        now, bends = consecutive(theta, begin, end), limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(window):
             residuals(z, s, now, pull)
@@ -166,7 +173,10 @@ def _newton_sums(
                 total, column = sums[packed_index(i, p, p + 1)], z[i, s : s + m]
                 for k in range(m):
                     total[k] += pull[k] * column[k]
-        out[:, begin:end] = sums
+        for entry in range(entries):
+            total = sums[entry]
+            for k in range(m):
+                out[entry, begin + k] = total[k]
     return out
 
 
@@ -185,7 +195,7 @@ def _pseudo_residuals(
         end: int = begins[number + 1]
         m = end - begin
         load(A, f, index[begin] - window + 1, window + m - 1, z)
-        now, bends = theta[:, begin:end].copy(), limit[begin:end]
+        now, bends = consecutive(theta, begin, end), limit[begin:end]
         inside, square = kept[begin:end], squares[begin:end]
         for s in range(window):
             residuals(z, s, now, e)

@@ -68,7 +68,7 @@ def correlation(moments: Floats, centre: Floats, window: int, rho: Floats, sprea
     """ρ and relative variance (m,) of the first series and the last (see `rolling.Workspace`)."""
     q = centre.size
     dx, dy, dxx = moments[0], moments[q - 1], moments[q]
-    dxy, dyy = moments[q + packed_index(0, q - 1, q)], moments[q + packed_index(q - 1, q - 1, q)]
+    dxy, dyy = moments[q + q - 1], moments[q + packed_index(q - 1, q - 1, q)]
     for k in range(rho.size):
         x, y = dx[k] / window, dy[k] / window
         sxx, sxy, syy = dxx[k] - x * dx[k], dxy[k] - x * dy[k], dyy[k] - y * dy[k]

@@ -31,22 +31,12 @@ class PooledOptions:
 
 
 @compiled
-def _sums(A: Floats, f: Floats, segment_id: Ints, ids: Ints) -> tuple[Floats, Ints, Ints]:
-    """Packed products of the columns of [A f], (entries, ids), first and last sample of each id."""
-    p = A.shape[1]
-    products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
-    first = np.full(ids.size, -1, np.int64)
-    last = np.full(ids.size, -1, np.int64)
-    row = 0
-    for k in range(f.size):
-        if segment_id[k] >= 0:
-            if ids[row] != segment_id[k]:
-                row = np.searchsorted(ids, segment_id[k])
-            if first[row] < 0:
-                first[row] = k
-            last[row] = k
-            add_sample(A[k], f[k], products[:, row])
-    return products, first, last
+def _add_samples(A: Floats, f: Floats, used: Ints, row_of: Ints, products: Floats) -> None:
+    """Add the products of sample used[i] to row row_of[i] of packed sums (entries, ids)."""
+    for i in range(used.size):
+        k: int = used[i]
+        row: int = row_of[i]
+        add_sample(A[k], f[k], products[:, row])
 
 
 @compiled
@@ -85,18 +75,22 @@ def trace(A: Floats, f: Floats, segment_id: Ints, options: PooledOptions | None 
     """
     options = options or PooledOptions()
     p = A.shape[1]
-    used = segment_id >= 0
+    used = np.flatnonzero(segment_id >= 0)
     ids = group_ids(segment_id).astype(np.int64)
     if ids.size == 0:
         return Trace.empty(p)
-    products, first, last = _sums(A, f, segment_id, ids)
-    counts = np.bincount(np.searchsorted(ids, segment_id[used]), minlength=ids.size).astype(float)
+    row_of = np.searchsorted(ids, segment_id[used])
+    products = np.zeros(((p + 1) * (p + 2) // 2, ids.size))
+    _add_samples(A, f, used, row_of, products)
+    counts = np.bincount(row_of, minlength=ids.size).astype(float)
+    first, last = np.empty(ids.size, np.int64), np.empty(ids.size, np.int64)
+    # of several assignments to one place the last one holds
+    first[row_of[::-1]], last[row_of] = used[::-1], used
     ordinary = solve(products).theta.T
     clean = without_noise(products, counts, options)
     theta = np.ascontiguousarray(solve(clean).theta.T)
     condition = condition_numbers(products, p + 1, p)
     residual = np.zeros(f.size)
-    row_of = np.searchsorted(ids, segment_id[used])
     residual[used] = f[used] - np.einsum("ij,ij->i", A[used], theta[row_of])
     solved = np.isfinite(theta[:, 0])
     group = np.full(f.size, -1, np.int64)

@@ -11,7 +11,7 @@ import numpy as np
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.linear import packed_index
-from estimators.rolling import lanes_of, load_columns, sample_products
+from estimators.rolling import copy_row, lanes_of, load_columns, sample_products
 from estimators.threads import CHUNK
 
 #: Consecutive samples that are worked on together: their sums stay in the fastest cache.
@@ -123,7 +123,8 @@ def discounted_meats(
     for lag in range(1, lags):
         fading[lag] = fading[lag - 1] * forgetting
     out = np.empty((seen.size, entries))
-    out[0] = past[:entries]
+    for entry in range(entries):
+        out[0, entry] = past[entry]
     z, near = np.empty((p, _AT_ONCE)), np.empty((p, _AT_ONCE))
     terms, sums = np.zeros((past.size, _AT_ONCE)), np.empty((past.size, _AT_ONCE))
     row = 1
@@ -160,7 +161,8 @@ def discounted_meats(
                 term, x, y, u, v = terms[packed_index(i, j, p)], z[i], z[j], near[i], near[j]
                 for k in range(count):
                     term[k] = x[k] * v[k] + u[k] * y[k]
-        discount(terms, 0, count, decay, past, sums)
+        # a plain 0 would be compiled for itself
+        discount(terms, end - end, count, decay, past, sums)
         while row < seen.size and seen[row] <= end:
             for entry in range(entries):
                 out[row, entry] = sums[entry, seen[row] - 1 - begin]
@@ -188,7 +190,7 @@ def feed_products(A: Floats, f: Floats, fed: Ints, forgetting: float, past: Floa
         end = stretch_end(fed, begin)
         count = end - begin
         load_columns(A, fed[begin], count, z)
-        z[q - 1, :count] = f[fed[begin] : fed[begin] + count]
+        copy_row(f, fed[begin], count, z[q - 1])
         sample_products(z, count, terms)
         discount(terms, begin, end, forgetting, past, sums)
         begin = end

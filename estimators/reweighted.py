@@ -7,7 +7,7 @@ import numpy as np
 
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.rolling import load_columns, sample_products
+from estimators.rolling import copy_row, load_columns, sample_products
 
 #: Consecutive windows that are weighed together: their sums stay in the fastest cache.
 AT_ONCE = 256
@@ -33,8 +33,19 @@ def batch_starts(index: Ints) -> Ints:
 def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
     """Lay samples of [A f] from `first` on out a row a column, z (p + 1, > samples), then zeros."""
     load_columns(A, first, samples, z)
-    z[A.shape[1], :samples] = f[first : first + samples]
-    z[:, samples : samples + _IN_STEP] = 0.0
+    copy_row(f, first, samples, z[A.shape[1]])
+    for c in range(z.shape[0]):
+        for k in range(samples, samples + _IN_STEP):
+            z[c, k] = 0.0
+
+
+@compiled
+def consecutive(theta: Floats, begin: int, end: int) -> Floats:
+    """Copy the estimates theta (p, rows) of the windows begin … end - 1."""
+    out = np.empty((theta.shape[0], end - begin))
+    for c in range(theta.shape[0]):
+        copy_row(theta[c], begin, end - begin, out[c])
+    return out
 
 
 @compiled
@@ -94,7 +105,7 @@ def reweighted_sums(
         first = index[begin] - window + 1
         load(A, f, first, window + m - 1, z)
         sample_products(z, window + m - 1 + _IN_STEP, raw)
-        now, full = theta[:, begin:end].copy(), limit[begin:end]
+        now, full = consecutive(theta, begin, end), limit[begin:end]
         sums = np.zeros((entries, m))
         for s in range(0, window, _IN_STEP):
             for c in range(_IN_STEP):
@@ -106,7 +117,11 @@ def reweighted_sums(
                     share = full[k] / size if size > full[k] else 1.0
                     weight[k] = share * share if squared else share
                 if s + c >= window:
-                    weight[:m] = 0.0
+                    for k in range(m):
+                        weight[k] = 0.0
             add_weighted(weights, raw, s, sums)
-        out[:, begin:end] = sums
+        for entry in range(entries):
+            total = sums[entry]
+            for k in range(m):
+                out[entry, begin + k] = total[k]
     return out

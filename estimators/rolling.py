@@ -145,6 +145,13 @@ def load_columns(A: Floats, start: int, count: int, z: Floats) -> None:
 
 
 @compiled
+def copy_row(f: Floats, start: int, count: int, out: Floats) -> None:
+    """Copy `count` samples from `start` on: a slice's assignment would take longer to compile."""
+    for k in range(count):
+        out[k] = f[start + k]
+
+
+@compiled
 def pairs_of_blocks(window: int, index: Ints) -> Ints:
     """Where in index (rows,) the windows of each pair of blocks begin, (pairs + 1,)."""
     begins = np.empty(index.size + 1, np.int64)
@@ -178,7 +185,7 @@ def sum_pair(
     start = index[row] - window + 1
     samples = index[end - 1] + 1 - start
     load_columns(A, start, samples, work.z)
-    work.z[p, :samples] = f[start : start + samples]
+    copy_row(f, start, samples, work.z[p])
     # what is left of the first block: its last sample is in every window
     left = window - start % window
     for c in range(p + 1):

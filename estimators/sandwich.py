@@ -44,7 +44,8 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
                 at = begin - (lags - 1) + k
                 own[c, k] = A[at, c] if at >= 0 and group[at] == of else 0.0
             here, tail = own[c, lags - 1 : lags - 1 + rows], tails[c, :rows]
-            tail[:] = 0.5 * here
+            for k in range(rows):
+                tail[k] = 0.5 * here[k]
             for j in range(1, lags):
                 before = own[c, lags - 1 - j : lags - 1 - j + rows]
                 for k in range(rows):
@@ -196,7 +197,9 @@ def window_meats(A: Floats, window: int, index: Ints, correlation: Floats) -> Fl
                 add_prefix_sums(terms, left, window - left, samples - window + 1, sums)
                 take(sums, index, begin, stop)
                 for entry in range(entries):
-                    out[entry, begin:stop] = sums[entry, : stop - begin]
+                    total = sums[entry]
+                    for k in range(stop - begin):
+                        out[entry, begin + k] = total[k]
     return out
 
 
@@ -210,7 +213,8 @@ def _neighbours(
     a pair across, the later one if `across_later`.
     """
     for c in range(z.shape[0]):
-        near[c, :samples] = 0.0
+        for k in range(samples):
+            near[c, k] = 0.0
         for lag in range(1, min(correlation.size, samples)):
             r = correlation[lag]
             stop = left - lag if across_later else min(left, samples - lag)

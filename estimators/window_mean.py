@@ -45,7 +45,9 @@ def _weights(A: Floats, breads: Floats, index: Ints, window: int) -> tuple[Float
                     weights[k, i] += cover[i, j] * A[k, j]
         else:
             # outside every window the cover is zero: drop what rounding has left
-            cover[:] = 0.0
+            for i in range(p):
+                for j in range(p):
+                    cover[i, j] = 0.0
     return weights, inside
 
 

@@ -22,10 +22,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker:
-        from estimators import cache
-
-        cache.ensure()
-        os.environ["NUMBA_CACHE_DIR"] = str(Path(os.environ["NUMBA_CACHE_DIR"], worker))
+        os.environ["NUMBA_CACHE_DIR"] = str(REPO / "estimators/__pycache__" / worker)
     config.stash[BEGAN] = time.monotonic()
 
 

@@ -2,11 +2,17 @@
 
 import sys
 import time
+from collections.abc import Callable, Generator
+from contextlib import ExitStack, contextmanager
 from types import TracebackType
-from typing import Self
+from typing import Any, Final, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+#: Compiling is worth a line when it has taken this long.
+LONG_S: Final = 2.0
+_COMPILING: Final = "payscope: compiling the estimators for this version, once; about 15 s"
 
 
 class Stages:
@@ -24,6 +30,7 @@ class Stages:
             disable=not sys.stderr.isatty(),
         )
         self._task = self._bar.add_task("open", total=total)
+        self._until_exit = ExitStack()
 
     def begin(self, stage: str) -> None:
         """A stage begins; the one before it has ended."""
@@ -32,6 +39,10 @@ class Stages:
 
     def __enter__(self) -> Self:
         self._bar.start()
+        tell = self._bar.console.print
+        self._until_exit.enter_context(
+            long_compiling_told(lambda: tell(_COMPILING, highlight=False, soft_wrap=True))
+        )
         return self
 
     def __exit__(
@@ -40,6 +51,7 @@ class Stages:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._until_exit.close()
         self._bar.stop()
         if self._timing and kind is None:
             ends = [*(begun for _, begun in self._began[1:]), time.perf_counter()]
@@ -57,3 +69,44 @@ class Stages:
                 f"{'total':<9} {total:8.3f} s, "
                 f"but for opening {(total - opening) / reading:.1f} times the reading"
             )
+
+
+@contextmanager
+def long_compiling_told(tell: Callable[[], None]) -> Generator[None]:
+    """Call `tell` once when numba has compiled for `LONG_S`; what it has kept is not compiled."""
+    # numba is slow to import: whoever shows stages has loaded it already
+    from numba.core import event
+
+    class Compiling(event.Listener):
+        """Adds up the seconds; functions that others call are compiled while those are."""
+
+        def __init__(self) -> None:
+            self._nested = 0
+            self._began = self._took = 0.0
+            self._told = False
+
+        def on_start(self, event: Any) -> None:
+            del event
+            if self._nested == 0:
+                self._began = time.perf_counter()
+            self._nested += 1
+            self._check()
+
+        def on_end(self, event: Any) -> None:
+            del event
+            self._check()
+            self._nested -= 1
+            if self._nested == 0:
+                self._took += time.perf_counter() - self._began
+
+        def _check(self) -> None:
+            if not self._told and self._took + time.perf_counter() - self._began > LONG_S:
+                self._told = True
+                tell()
+
+    listener = Compiling()
+    event.register("numba:compile", listener)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", listener)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from replay.commands import progress
 from replay.commands.cli import main
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 
@@ -25,6 +26,8 @@ def payscope(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
             raise
 
     monkeypatch.setitem(main.__globals__, "app", noted)
+    # whether the loops are compiled already depends on the tests before
+    monkeypatch.setattr(progress, "LONG_S", float("inf"))
 
     def call(*words: object) -> Said:
         raised.clear()
