@@ -13,19 +13,19 @@ from typing import Literal, NamedTuple, Self, TypeAlias
 import numpy as np
 
 from analysis.simulation import Channels, Scenario
-from analysis.simulation.body import Body
+from analysis.simulation.body import RigidBody
 from estimators import planar_rows
 from estimators.estimate import Floats
 
-Stage: TypeAlias = Literal["straight", "spin", "joint"]
+Drive: TypeAlias = Literal["straight", "spin", "joint"]
 
-#: Columns of `planar_rows.PARAMETERS` and rows of `planar_rows.ROWS` in each stage.
-COLUMNS: dict[Stage, list[int]] = {
+#: Columns of `planar_rows.PARAMETERS` and rows of `planar_rows.ROWS` in each drive.
+COLUMNS: dict[Drive, list[int]] = {
     "straight": [planar_rows.PARAMETERS.index(name) for name in planar_rows.STRAIGHT_PARAMETERS],
     "spin": [planar_rows.PARAMETERS.index(name) for name in planar_rows.SPIN_PARAMETERS],
     "joint": list(range(len(planar_rows.PARAMETERS))),
 }
-_ROWS: dict[Stage, list[int]] = {"straight": [0], "spin": [1], "joint": [0, 1]}
+_ROWS: dict[Drive, list[int]] = {"straight": [0], "spin": [1], "joint": [0, 1]}
 
 
 class Measured(NamedTuple):
@@ -58,7 +58,7 @@ def noise_of(scenario: Scenario) -> Measured:
     return Measured(*(np.array(value) for value in values))
 
 
-def parameters(body: Body) -> Floats:
+def parameters(body: RigidBody) -> Floats:
     """(6,) the true values of `planar_rows.PARAMETERS`."""
     return np.array(
         [
@@ -111,26 +111,26 @@ def _filtered(raw: Floats, weights: Floats) -> Floats:
 
 
 def window_system(
-    stage: Stage, filters: Filters, raw: Measured, noise: Measured
+    drive: Drive, filters: Filters, raw: Measured, noise: Measured
 ) -> tuple[Floats, Floats]:
     """The system that least squares solves: (rows, p) and (rows,), over the noise of force, torque.
 
     Args:
-        stage: which rows and columns are fitted.
+        drive: which rows and columns are fitted.
         filters: of every channel.
         raw: the channels, true or noisy.
         noise: of one sample, of which force's and torque's count here.
     """
     A, y = filters.stack(raw)
-    rows, weights = _ROWS[stage], _weights(stage, noise)
-    part = A[:, rows][:, :, COLUMNS[stage]] * weights[:, None]
+    rows, weights = _ROWS[drive], _weights(drive, noise)
+    part = A[:, rows][:, :, COLUMNS[drive]] * weights[:, None]
     return part.reshape(-1, part.shape[-1]), (y[:, rows] * weights).ravel()
 
 
-def _weights(stage: Stage, noise: Measured) -> Floats:
+def _weights(drive: Drive, noise: Measured) -> Floats:
     """(rows,) the reciprocal noise of force and torque; 1 where there is none."""
     each = np.array([float(noise.force_x_N), float(noise.torque_z_N_m)])
-    return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[stage]]
+    return 1.0 / np.where(each > 0.0, each, 1.0)[_ROWS[drive]]
 
 
 @dataclass(frozen=True)
@@ -168,12 +168,12 @@ class Prediction:
 
 
 def predict(
-    stage: Stage, filters: Filters, truth: Measured, body: Body, noise: Measured
+    drive: Drive, filters: Filters, truth: Measured, body: RigidBody, noise: Measured
 ) -> dict[str, Prediction]:
-    """Predict the mass, the yaw inertia and the centre of mass, as far as the stage fits them.
+    """Predict the mass, the yaw inertia and the centre of mass, as far as the drive fits them.
 
     Args:
-        stage: what is fitted.
+        drive: what is fitted.
         filters: of every channel.
         truth: (n + margin,) the noise-free channels of the window.
         body: the machine.
@@ -182,10 +182,10 @@ def predict(
     Returns:
         By name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
     """
-    columns, rows = COLUMNS[stage], _ROWS[stage]
-    A, y = window_system(stage, filters, truth, noise)
+    columns, rows = COLUMNS[drive], _ROWS[drive]
+    A, y = window_system(drive, filters, truth, noise)
     # noise in the regressor adds E[NᵀN] to AᵀA
-    gram = A.T @ A + np.diag(_regressor_noise(stage, filters, truth, noise))
+    gram = A.T @ A + np.diag(_regressor_noise(drive, filters, truth, noise))
     inverse = np.linalg.solve(gram, A.T)
     theta = parameters(body)[columns]
     bias = inverse @ y - theta
@@ -195,7 +195,7 @@ def predict(
     predictions: dict[str, Prediction] = {}
     for name, (value, gradient) in _targets(body).items():
         if set(np.flatnonzero(gradient)) <= set(columns):
-            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * _weights(stage, noise)
+            weight = (gradient[columns] @ inverse).reshape(-1, len(rows)) * _weights(drive, noise)
             both = np.zeros((weight.shape[0], 2))
             both[:, rows] = weight
             shares = _variance(filters, both, phi, full, noise)
@@ -209,7 +209,7 @@ def predict(
     return predictions
 
 
-def _targets(body: Body) -> dict[str, tuple[float, Floats]]:
+def _targets(body: RigidBody) -> dict[str, tuple[float, Floats]]:
     """Each number and its gradient in `planar_rows.PARAMETERS`."""
     mass = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     inertia = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
@@ -244,7 +244,7 @@ def _variance(
     return sum(variances[:2]), sum(variances[2:])
 
 
-def _regressor_noise(stage: Stage, filters: Filters, truth: Measured, noise: Measured) -> Floats:
+def _regressor_noise(drive: Drive, filters: Filters, truth: Measured, noise: Measured) -> Floats:
     """(p,) the diagonal of E[NᵀN] over a window; the central difference and the mean share none."""
     mean, difference = (float(each @ each) for each in (filters.mean, filters.difference))
     s_x, s_y, speed, yaw_rate = (float(each) ** 2 * mean for each in noise[2:])
@@ -254,15 +254,15 @@ def _regressor_noise(stage: Stage, filters: Filters, truth: Measured, noise: Mea
     omega = A[:, 1, planar_rows.PARAMETERS.index("friction_z_N_m_s")]
     square = 4.0 * float(omega @ omega) / samples * yaw_rate
     each = np.array([[s_x, 0.0, square, turn, speed, 0.0], [0.0, turn, s_y, s_x, 0.0, yaw_rate]])
-    rows = _ROWS[stage]
-    weighted = each[rows] * _weights(stage, noise)[:, None] ** 2
-    return samples * weighted.sum(0)[COLUMNS[stage]]
+    rows = _ROWS[drive]
+    weighted = each[rows] * _weights(drive, noise)[:, None] ** 2
+    return samples * weighted.sum(0)[COLUMNS[drive]]
 
 
-def condition(stage: Stage, filters: Filters, truth: Measured, noise: Measured) -> float:
+def condition(drive: Drive, filters: Filters, truth: Measured, noise: Measured) -> float:
     """Condition number of AᵀA, each column in units of the noise in it."""
-    A, _ = window_system(stage, filters, truth, noise)
-    inside = np.sqrt(_regressor_noise(stage, filters, truth, noise))
+    A, _ = window_system(drive, filters, truth, noise)
+    inside = np.sqrt(_regressor_noise(drive, filters, truth, noise))
     if not (inside > 0.0).all():
         inside = np.linalg.norm(A, axis=0)
     return float(np.linalg.cond(A / inside)) ** 2

@@ -84,7 +84,7 @@ def cruise(seeds: int) -> tuple[Found, Found]:
         frame = excitation(log, MACHINE)
         A, f = straight(frame, MACHINE.settings)
         # until the brakes act: 0.1 s before, the mean looks back only
-        driven = frame["t_ns"].to_numpy() < log.runs["braking_ns"][0] - log.runs["start_ns"][0]
+        driven = frame["t_ns"].to_numpy() < log.trials["braking_ns"][0] - log.trials["start_ns"][0]
         complete = np.arange(f.size) >= window - 1 + np.argmax(np.isfinite(A).all(axis=1))
         chosen = gate(frame, MACHINE.settings)["accepted_x"].to_numpy()
         for option in OPTIONS:

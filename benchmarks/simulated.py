@@ -63,10 +63,10 @@ def excitation(
 def cut(frame: pl.DataFrame, log: SimulatedLog, runs: int) -> Iterator[pl.DataFrame]:
     """The same in logs of so many runs."""
     t_ns = frame["t_ns"]
-    start_ns = log.runs["start_ns"]
+    start_ns = log.trials["start_ns"]
     period_ns = start_ns[1] - start_ns[0]
     rate = 1e9 / (t_ns[1] - t_ns[0])
-    for first in range(0, log.runs.height - runs + 1, runs):
+    for first in range(0, log.trials.height - runs + 1, runs):
         begin = t_ns.search_sorted(first * period_ns)
         # the next run begins with a standstill, which ends the last braking
         yield frame.slice(begin, round((runs * period_ns * 1e-9 + 0.5) * rate))
@@ -79,9 +79,9 @@ def joined(*plans: Scenario, machine: Machine) -> tuple[Run, pl.DataFrame]:
     campaigns = [simulate_campaign(plan) for plan in plans]
     ends_ns = 0
     for log in (log for logs in zip(*campaigns, strict=True) for log in logs):
-        start_ns = log.runs["start_ns"][0]
+        start_ns = log.trials["start_ns"][0]
         frame = excitation(log, machine).with_columns(pl.col("t_ns") + ends_ns)
-        truths.append(log.runs.with_columns(pl.col("start_ns", "end_ns") + (ends_ns - start_ns)))
+        truths.append(log.trials.with_columns(pl.col("start_ns", "end_ns") + (ends_ns - start_ns)))
         # a row without anything is the gap between two logs
         hole = frame.clear(1).with_columns(t_ns=frame["t_ns"].last() + 10_000_000)
         frames += [frame, hole]

@@ -9,7 +9,7 @@ from PIL import Image
 from recordings import plot_run, write_recording
 from recordings.viewer import screenshots
 from replay import load_machine, open_log, run
-from replay.scenario import load_scenario
+from replay.scenario_file import load_scenario
 from replay.simulate import simulate
 
 DOCS = Path(__file__).resolve().parent

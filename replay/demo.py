@@ -21,8 +21,7 @@ from replay.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
 from replay.readers import open_log
 from replay.simulate import simulate
-from replay.truth import true_runs
-from replay.write_log import truth_path
+from replay.truth import true_trials, truth_path
 
 _MACHINE = Path("cat262c.toml")
 #: What `on_stage` is told, in order.
@@ -91,6 +90,6 @@ def replay_campaign(
     with ExitStack() as stack:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate(run_estimates(replayed, true_runs(logs)))
+    calibration = calibrate(run_estimates(replayed, true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).fingerprinted()

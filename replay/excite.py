@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-from analysis.excitation import Design, Score
+from analysis.experiment_design import Design, Score
 from analysis.simulation import Scenario
 from recordings.output import whole_file
-from replay.scenario import scenario_text
+from replay.scenario_file import scenario_text
 
 
 def write_design(design: Design, base: Scenario, output: Path, *, force: bool = False) -> None:
@@ -24,7 +24,7 @@ def write_design(design: Design, base: Scenario, output: Path, *, force: bool = 
 def to_dict(design: Design) -> dict[str, Any]:
     """The design as plain values."""
     return {
-        "motion": design.stage,
+        "motion": design.drive,
         "response_s": dict(design.response_s),
         "window_s": design.window_s,
         "accuracy": design.accuracy,

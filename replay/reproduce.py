@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.machine import Machine
 from analysis.reproduction.replayed import ReplayedCampaign
-from analysis.reproduction.sources import Digests, Step, Study, steps
+from analysis.reproduction.sources import Digests, Repetition, Study, repetitions
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.reproduction.items import Found, Item, find
 from replay.machine_file import load_machine
@@ -16,7 +16,7 @@ from replay.pipeline import run
 
 
 class Reproduction:
-    """The work that some items take, planned: `steps`, and then `find`.
+    """The work that some items take, planned: `repetitions`, and then `find`.
 
     Args:
         items: of `recordings.reproduction.items.ITEMS`.
@@ -39,20 +39,20 @@ class Reproduction:
         )
         needs = [digest for item in self._items for digest in item.needs]
         #: A simulation each: their number is the length of the progress.
-        self.steps: tuple[Step, ...] = tuple(steps(needs, study, self._digests))
+        self.repetitions: tuple[Repetition, ...] = tuple(repetitions(needs, study, self._digests))
 
-    def find(self, on_step: Callable[[str], None]) -> list[Found]:
-        """Take all steps, then make the items.
+    def find(self, on_stage: Callable[[str], None]) -> list[Found]:
+        """Take all repetitions, then make the items.
 
         Args:
-            on_step: told the name of each step as it begins.
+            on_stage: told the name of each repetition as it begins.
 
         Returns:
             The items in the order in which they were asked for.
         """
-        for step in self.steps:
-            on_step(step.name)
-            step.take()
+        for repetition in self.repetitions:
+            on_stage(repetition.name)
+            repetition.take()
         return [find(item, self._digests) for item in self._items]
 
 
@@ -73,6 +73,6 @@ def replay_simulated(
     return ReplayedCampaign(
         scenario,
         replayed,
-        pl.concat([log.runs for log in logs]),
+        pl.concat([log.trials for log in logs]),
         pl.concat([log.noise_free for log in logs]),
     )

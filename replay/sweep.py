@@ -18,7 +18,7 @@ from replay.machine_file import load_machine, time_axis
 from replay.pipeline import run
 from replay.read_once import ReadOnce
 from replay.readers import open_log
-from replay.truth import has_truth, true_runs
+from replay.truth import has_truth, true_trials
 
 #: Fewer loads are no calibration campaign: then raw masses are held against the truth.
 _LOADS_MIN = 3
@@ -65,7 +65,7 @@ def sweep(
         PayscopeError: whatever is wrong with the input, before the first replay.
     """
     machines = [load_machine(machine_file, [*overrides, *each]) for each in grid]
-    truth = true_runs(logs) if has_truth(logs) else None
+    truth = true_trials(logs) if has_truth(logs) else None
     rows: list[Row] = []
     with ExitStack() as stack:
         opened: dict[LogSection, list[ReadOnce]] = {}

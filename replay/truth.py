@@ -1,4 +1,4 @@
-"""The truth that lies beside a simulated log (`LOG.truth.json`)."""
+"""The truth beside a simulated log (`LOG.truth.json`): written with it, read to judge a replay."""
 
 import json
 from collections.abc import Sequence
@@ -6,23 +6,27 @@ from pathlib import Path
 
 import polars as pl
 
+from analysis.simulation import SimulatedLog
 from estimators.errors import LogError
-from replay.write_log import truth_path
 
 
-def true_runs(logs: Sequence[Path]) -> pl.DataFrame:
-    """The truth of every run, in the logs' order, by the logs' own clock.
+def truth_path(log: Path) -> Path:
+    """Where the truth of a simulated log is."""
+    return log.with_name(f"{log.name}.truth.json")
 
-    Args:
-        logs: simulated logs, the truth beside each.
 
-    Returns:
-        A row a run: `start_ns`, `end_ns`, `load_kg`, `mass_kg`, and what else the truth holds.
-
-    Raises:
-        LogError: a truth file cannot be read, or is none.
-    """
-    return pl.concat([_runs(truth_path(log)) for log in logs])
+def write_truth(simulated: SimulatedLog, log: Path) -> None:
+    """Write the truth of a simulated log beside it."""
+    truth = {
+        "log": log.name,
+        "load_kg": simulated.load_kg,
+        # the log's own times are unix times less this
+        "time_zero_unix_ns": simulated.origin_unix_ns if log.suffix == ".csv" else 0,
+        "runs": simulated.trials.to_dicts(),
+        "manoeuvres": simulated.manoeuvres.to_dicts(),
+        "scenario": simulated.scenario.model_dump(mode="json"),
+    }
+    truth_path(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
 
 
 def has_truth(logs: Sequence[Path]) -> bool:
@@ -30,7 +34,22 @@ def has_truth(logs: Sequence[Path]) -> bool:
     return all(truth_path(log).is_file() for log in logs)
 
 
-def _runs(path: Path) -> pl.DataFrame:
+def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
+    """Read the truth of every trial, in the logs' order, by the logs' own clock.
+
+    Args:
+        logs: simulated logs, the truth beside each.
+
+    Returns:
+        A row a trial: `start_ns`, `end_ns`, `load_kg`, `mass_kg`, and what else the truth holds.
+
+    Raises:
+        LogError: a truth file cannot be read, or is none.
+    """
+    return pl.concat([_trials(truth_path(log)) for log in logs])
+
+
+def _trials(path: Path) -> pl.DataFrame:
     try:
         truth = json.loads(path.read_text(encoding="utf-8"))
         zero_ns = truth["time_zero_unix_ns"]

@@ -1,13 +1,13 @@
 """Simulated logs as files: one table of suffixes, and the truth beside each log."""
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from analysis.simulation import SimulatedLog
 from estimators.errors import OutputError
 from recordings.output import staged
+from replay.truth import truth_path, write_truth
 from replay.writers.formats import write_bag, write_csv, write_mcap, write_rosbag2
 
 #: A rosbag2 directory has no suffix.
@@ -42,23 +42,4 @@ def write_logs(
     with staged([*targets, *map(truth_path, targets)], force=force) as stage:
         for log, target in zip(logs, targets, strict=True):
             WRITERS[target.suffix](log, stage / target.name)
-            truth_path(stage / target.name).write_text(
-                json.dumps(_truth(log, target), indent=2) + "\n", encoding="utf-8"
-            )
-
-
-def truth_path(target: Path) -> Path:
-    """Where the truth of a simulated log is."""
-    return target.with_name(f"{target.name}.truth.json")
-
-
-def _truth(log: SimulatedLog, target: Path) -> dict[str, Any]:
-    return {
-        "log": target.name,
-        "load_kg": log.load_kg,
-        # the log's own times are unix times less this
-        "time_zero_unix_ns": log.origin_unix_ns if target.suffix == ".csv" else 0,
-        "runs": log.runs.to_dicts(),
-        "manoeuvres": log.manoeuvres.to_dicts(),
-        "scenario": log.scenario.model_dump(mode="json"),
-    }
+            write_truth(log, stage / target.name)

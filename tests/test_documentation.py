@@ -98,7 +98,7 @@ def test_links_within_the_repository_lead_somewhere(page: Path) -> None:
 
 def test_every_example_machine_file_is_valid() -> None:
     from replay import load_machine
-    from replay.scenario import load_scenario
+    from replay.scenario_file import load_scenario
 
     for path in sorted((REPO / "examples").glob("*.toml")):
         if path.name in ("campaign.toml", "inertia.toml", "planar.toml"):

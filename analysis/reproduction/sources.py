@@ -91,15 +91,17 @@ class Digests:
         return made
 
 
-class Step(NamedTuple):
+class Repetition(NamedTuple):
     """One repetition of one source: simulated, replayed, digested."""
 
     name: str
     take: Callable[[], None]
 
 
-def steps(needs: Iterable[Digest[Any, Any]], study: Study, digests: Digests) -> list[Step]:
-    """Plan the work: a step a repetition of every source that is needed.
+def repetitions(
+    needs: Iterable[Digest[Any, Any]], study: Study, digests: Digests
+) -> list[Repetition]:
+    """Plan the work: every repetition of every source that is needed.
 
     Args:
         needs: the digests to make; those named twice are made once.
@@ -109,12 +111,12 @@ def steps(needs: Iterable[Digest[Any, Any]], study: Study, digests: Digests) -> 
     wanted: dict[Source[Any], list[Digest[Any, Any]]] = {}
     for digest in dict.fromkeys(needs):
         wanted.setdefault(digest.source, []).append(digest)
-    planned: list[Step] = []
+    planned: list[Repetition] = []
     for source, of_it in wanted.items():
         repeats = source.repeats(study)
         for number in range(repeats):
             name = source.name if repeats == 1 else f"{source.name} {number + 1}"
-            planned.append(Step(name, partial(_take, source, number, of_it, study, digests)))
+            planned.append(Repetition(name, partial(_take, source, number, of_it, study, digests)))
     return planned
 
 

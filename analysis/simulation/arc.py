@@ -7,21 +7,21 @@ from the brakes, each axis by itself.
 
 import numpy as np
 
-from analysis.simulation.body import Body, Pair, Values
+from analysis.simulation.body import Pair, RigidBody, Values
 from analysis.simulation.manoeuvres import Arc
-from analysis.simulation.motion import Phase, State, Window
+from analysis.simulation.motion import ManoeuvreTimes, MotionPhase, MotionState
 from analysis.simulation.waveforms import Floats
 
 
 def arc_phases(
-    body: Body, manoeuvre: Arc, begin_s: float, heading_rad: float
-) -> tuple[list[Phase], Window]:
+    body: RigidBody, manoeuvre: Arc, begin_s: float, heading_rad: float
+) -> tuple[list[MotionPhase], ManoeuvreTimes]:
     """Prescribe the arc: up, held, down."""
     steady_s = begin_s + manoeuvre.ramp_s
     down_s = steady_s + manoeuvre.duration_s
     end_s = down_s + manoeuvre.ramp_s
 
-    def state(time_s: Floats) -> State:
+    def state(time_s: Floats) -> MotionState:
         up = np.clip((time_s - begin_s) / manoeuvre.ramp_s, 0.0, None)
         down = np.clip((time_s - down_s) / manoeuvre.ramp_s, 0.0, None)
         level = _step(up) - _step(down)
@@ -44,15 +44,15 @@ def arc_phases(
             drive.z - total.z,
             heading,
         ]
-        return State(*(np.asarray(value) for value in values))
+        return MotionState(*(np.asarray(value) for value in values))
 
     held = "arc" if manoeuvre.yaw_rate_rad_s and manoeuvre.speed_m_s else None
     phases = [
-        Phase(None, begin_s, steady_s, state),
-        Phase(held, steady_s, down_s, state),
-        Phase(None, down_s, end_s, state),
+        MotionPhase(None, begin_s, steady_s, state),
+        MotionPhase(held, steady_s, down_s, state),
+        MotionPhase(None, down_s, end_s, state),
     ]
-    return phases, Window("arc", begin_s, begin_s, steady_s, down_s, end_s)
+    return phases, ManoeuvreTimes("arc", begin_s, begin_s, steady_s, down_s, end_s)
 
 
 def _along(total: Values, rate: Values) -> Values:

@@ -30,7 +30,7 @@ class Pair(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Body:
+class RigidBody:
     """One machine with one load on one slope; moments are about the origin."""
 
     mass_kg: float

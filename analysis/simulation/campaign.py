@@ -1,4 +1,7 @@
-"""A campaign: for each load one log of many runs, with the truth of every run."""
+"""A campaign: for each load one log of many trials, with the truth of every trial.
+
+A trial is what a scenario calls a run: the manoeuvres of `campaign.manoeuvres`, once.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -10,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.schema import PHASE
 from analysis.simulation.limits import check_limits
-from analysis.simulation.motion import Channels, Motion, Window
+from analysis.simulation.motion import Channels, ManoeuvreTimes, SolvedMotion
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.sensors import Streams, measure
 from analysis.simulation.solve import solve_motion
@@ -24,19 +27,19 @@ class SimulatedLog:
         scenario: what was asked for.
         load_kg: the load.
         topics: `imu`, `torque` and `speed`, as `measure` gives them.
-        runs: a row a run: `run`, the unix times `start_ns` and `end_ns`, `throttle_ns`,
-            `cruise_ns` and `braking_ns` of its first start (null without one), and the true
-            `load_kg mass_kg friction_N_s_m coulomb_N slope_deg inertia_z_kg_m2 com_x_m com_y_m
-            friction_z_N_m_s coulomb_z_N_m`: of machine and load, about the origin.
-        manoeuvres: a row a manoeuvre: `run`, `manoeuvre` (number in the run), `kind`, and the unix
-            times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not).
+        trials: a row a trial: `run` (its number), the unix times `start_ns` and `end_ns`,
+            `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without one), and
+            the true `load_kg mass_kg friction_N_s_m coulomb_N slope_deg inertia_z_kg_m2 com_x_m
+            com_y_m friction_z_N_m_s coulomb_z_N_m`: of machine and load, about the origin.
+        manoeuvres: a row a manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and the
+            unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not).
         noise_free: the motion at the header stamps: `time_ns` (unix) and the fields of `Channels`.
     """
 
     scenario: Scenario
     load_kg: float
     topics: Mapping[str, pl.DataFrame]
-    runs: pl.DataFrame
+    trials: pl.DataFrame
     manoeuvres: pl.DataFrame
     noise_free: pl.DataFrame
 
@@ -67,12 +70,12 @@ def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
         timeline = _Timeline(scenario, solve_motion(scenario, load_kg), start_ns)
         stamp_ns = timeline.stamps_ns()
         now = timeline.channels(stamp_ns)
-        streams = Streams(scenario.sensors.seed, index, timeline.run(stamp_ns))
+        streams = Streams(scenario.sensors.seed, index, timeline.trial(stamp_ns))
         yield SimulatedLog(
             scenario=scenario,
             load_kg=load_kg,
             topics=measure(scenario, streams, stamp_ns, timeline.channels),
-            runs=_runs(timeline, load_kg),
+            trials=_trials(timeline, load_kg),
             manoeuvres=_manoeuvres(timeline),
             noise_free=pl.DataFrame({"time_ns": stamp_ns, **now._asdict()}).with_columns(
                 pl.col("phase").cast(PHASE)
@@ -83,10 +86,10 @@ def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
 
 @dataclass(frozen=True)
 class _Timeline:
-    """The same run again and again, then a rest, from unix time `start_ns` on."""
+    """The same trial again and again, then a rest, from unix time `start_ns` on."""
 
     scenario: Scenario
-    motion: Motion
+    motion: SolvedMotion
     start_ns: int
 
     @property
@@ -94,37 +97,37 @@ class _Timeline:
         return math.ceil(self.motion.duration_s * 1e9)
 
     @property
-    def runs(self) -> int:
+    def trials(self) -> int:
         return self.scenario.campaign.runs
 
     @property
     def end_ns(self) -> int:
         rest_ns = _ns(self.scenario.campaign.rest_s)
-        return self.start_ns + self.runs * self.period_ns + rest_ns
+        return self.start_ns + self.trials * self.period_ns + rest_ns
 
     def stamps_ns(self) -> NDArray[np.int64]:
         period_ns = 1e9 / self.scenario.sensors.rate_hz
         samples = math.ceil((self.end_ns - self.start_ns) / period_ns)
         return self.start_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
 
-    def run(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The run at each time; the rest after the last has the next number."""
-        return np.clip((time_ns - self.start_ns) // self.period_ns, 0, self.runs)
+    def trial(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The trial at each time; the rest after the last has the next number."""
+        return np.clip((time_ns - self.start_ns) // self.period_ns, 0, self.trials)
 
     def channels(self, time_ns: NDArray[np.int64]) -> Channels:
-        run_start_ns = np.minimum(self.run(time_ns), self.runs - 1) * self.period_ns
-        return self.motion.sample((time_ns - self.start_ns - run_start_ns) * np.float64(1e-9))
+        trial_start_ns = np.minimum(self.trial(time_ns), self.trials - 1) * self.period_ns
+        return self.motion.sample((time_ns - self.start_ns - trial_start_ns) * np.float64(1e-9))
 
 
-def _runs(timeline: _Timeline, load_kg: float) -> pl.DataFrame:
-    """Where each run is, and the truth about the machine in it."""
+def _trials(timeline: _Timeline, load_kg: float) -> pl.DataFrame:
+    """Where each trial is, and the truth about the machine in it."""
     body = timeline.motion.body
-    start_ns = timeline.start_ns + timeline.period_ns * np.arange(timeline.runs, dtype=np.int64)
+    start_ns = timeline.start_ns + timeline.period_ns * np.arange(timeline.trials, dtype=np.int64)
     starts = (window for window in timeline.motion.manoeuvres if window.kind == "start")
-    start = next(starts, Window("start", 0.0, None, None, None, 0.0))
+    start = next(starts, ManoeuvreTimes("start", 0.0, None, None, None, 0.0))
     return pl.DataFrame(
         {
-            "run": np.arange(timeline.runs),
+            "run": np.arange(timeline.trials),
             "start_ns": start_ns,
             "throttle_ns": _after(start_ns, start.drive_s),
             "cruise_ns": _after(start_ns, start.steady_s),
@@ -146,11 +149,11 @@ def _runs(timeline: _Timeline, load_kg: float) -> pl.DataFrame:
 
 
 def _manoeuvres(timeline: _Timeline) -> pl.DataFrame:
-    """Where each manoeuvre of each run is."""
+    """Where each manoeuvre of each trial is."""
     windows = timeline.motion.manoeuvres
     rows = [
         {
-            "run": run,
+            "run": trial,
             "manoeuvre": number,
             "kind": window.kind,
             "start_ns": start_ns + _ns(window.start_s),
@@ -159,8 +162,8 @@ def _manoeuvres(timeline: _Timeline) -> pl.DataFrame:
             "braking_ns": None if window.braking_s is None else start_ns + _ns(window.braking_s),
             "end_ns": start_ns + _ns(window.end_s),
         }
-        for run in range(timeline.runs)
-        for start_ns in (timeline.start_ns + run * timeline.period_ns,)
+        for trial in range(timeline.trials)
+        for start_ns in (timeline.start_ns + trial * timeline.period_ns,)
         for number, window in enumerate(windows)
     ]
     times = ("start_ns", "drive_ns", "steady_ns", "braking_ns", "end_ns")

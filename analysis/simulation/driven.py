@@ -1,4 +1,4 @@
-"""Motion under commands, with friction that grips and lets go.
+"""SolvedMotion under commands, with friction that grips and lets go.
 
 Drive and brakes follow their commands with the valve's first-order lag. With Coulomb friction an
 axis that comes to rest stays there until more than the friction pulls at it; without, it passes
@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulation.body import Body
+from analysis.simulation.body import RigidBody
 from analysis.simulation.gripped import LEAST_GRIP, RATES, Commands, Gripped
-from analysis.simulation.motion import Phase
+from analysis.simulation.motion import MotionPhase
 from analysis.simulation.waveforms import Floats
 from estimators.errors import DataError
 
@@ -28,18 +28,18 @@ _MOST_CHANGES_AT_ONCE: Final = 20
 class Driven:
     """The machine under commands; an axis that is not free is kept still by the drive."""
 
-    body: Body
+    body: RigidBody
     valve_lag_s: float
     free: tuple[bool, bool]
 
     def move(
         self, name: str | None, start_s: float, end_s: float, state: Floats, asked: Commands
-    ) -> tuple[list[Phase], Floats]:
+    ) -> tuple[list[MotionPhase], Floats]:
         """Follow the commands until `end_s`.
 
         Args:
             name: of the phases.
-            start_s: since the run began.
+            start_s: since the trial began.
             end_s: likewise.
             state: (7,) v, drive and brake force, ω, drive and brake torque, heading.
             asked: the commands.
@@ -50,7 +50,7 @@ class Driven:
         Raises:
             DataError: Coulomb friction on both axes finds no grip that fits.
         """
-        phases: list[Phase] = []
+        phases: list[MotionPhase] = []
         machine = self._gripped(state, self.free)
         for stage_s in [*(k for k in sorted(asked.kinks_s) if start_s < k < end_s), end_s]:
             while start_s < stage_s:
@@ -64,9 +64,11 @@ class Driven:
                     machine = self._gripped(state, self.free, loose)
         return phases, state
 
-    def stop(self, name: str | None, start_s: float, state: Floats, asked: Commands) -> list[Phase]:
+    def stop(
+        self, name: str | None, start_s: float, state: Floats, asked: Commands
+    ) -> list[MotionPhase]:
         """Follow the commands from `state` (7,) until both axes have come to rest."""
-        phases: list[Phase] = []
+        phases: list[MotionPhase] = []
         moving = [axis for axis in (0, 1) if self.free[axis] and state[RATES[axis]] != 0.0]
         while moving:
             machine = self._gripped(state, free=(0 in moving, 1 in moving))
@@ -94,7 +96,7 @@ class Driven:
         return min(machines, key=lambda machine: machine.contradiction(state))
 
 
-def _check_progress(phases: Sequence[Phase]) -> None:
+def _check_progress(phases: Sequence[MotionPhase]) -> None:
     recent = phases[-_MOST_CHANGES_AT_ONCE:]
     if len(recent) == _MOST_CHANGES_AT_ONCE and recent[-1].end_s - recent[0].start_s < 1e-9:
         raise DataError(

@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from analysis.simulation.body import Body, Pair
-from analysis.simulation.motion import Phase, State
+from analysis.simulation.body import Pair, RigidBody
+from analysis.simulation.motion import MotionPhase, MotionState
 from analysis.simulation.waveforms import Floats
 
 #: Less friction, in N or N·m, is lost in rounding before it holds anything.
@@ -20,7 +20,7 @@ RATES: Final = (0, 3)
 class Commands(NamedTuple):
     """What the operator asks for.
 
-    `drive` takes a time in s since the run began and gives force and torque; it has kinks at
+    `drive` takes a time in s since the trial began and gives force and torque; it has kinks at
     `kinks_s`. `brake` is asked for throughout.
     """
 
@@ -40,7 +40,7 @@ class Gripped:
         grip: the sign of Coulomb friction on x and z, or None where it holds the axis.
     """
 
-    body: Body
+    body: RigidBody
     valve_lag_s: float
     free: tuple[bool, bool]
     grip: tuple[float | None, float | None]
@@ -93,7 +93,7 @@ class Gripped:
         asked: Commands,
         *,
         stop: bool = False,
-    ) -> tuple[Phase, Floats, list[int]]:
+    ) -> tuple[MotionPhase, Floats, list[int]]:
         """Move from `state` (7,) up to `end_s` or the first change of grip.
 
         Returns:
@@ -127,7 +127,7 @@ class Gripped:
         )
         assert solution.sol is not None
         last_s = float(solution.t[-1])
-        phase = Phase(name, start_s, last_s, self._states(full, solution.sol))
+        phase = MotionPhase(name, start_s, last_s, self._states(full, solution.sol))
         found: Sequence[Floats] = solution.t_events or ()
         changed = [axis for axis, at in zip(changes, found, strict=True) if at.size]
         return phase, full(solution.sol(np.array([last_s])))[:, 0], changed
@@ -154,8 +154,8 @@ class Gripped:
 
     def _states(
         self, full: Callable[[Floats], Floats], solved: Callable[[Floats], Floats]
-    ) -> Callable[[Floats], State]:
-        def states(time_s: Floats) -> State:
+    ) -> Callable[[Floats], MotionState]:
+        def states(time_s: Floats) -> MotionState:
             v, drive_x, brake_x, omega, drive_z, brake_z, heading = whole = full(solved(time_s))
             acceleration = self.accelerations(self.net(whole))
             kept = self.body.needed(Pair(v, omega), acceleration, heading, Pair(0.0, 0.0))
@@ -164,7 +164,7 @@ class Gripped:
             if not self.free[1]:
                 omega, drive_z, brake_z = 0.0 * v, np.asarray(kept.z), 0.0 * v
             dv, turn = np.broadcast_arrays(*acceleration, v)[:2]
-            return State(v, dv, drive_x, brake_x, omega, turn, drive_z, brake_z, heading)
+            return MotionState(v, dv, drive_x, brake_x, omega, turn, drive_z, brake_z, heading)
 
         return states
 

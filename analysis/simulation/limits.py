@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from analysis.simulation.arc import arc_phases
-from analysis.simulation.body import Body
+from analysis.simulation.body import RigidBody
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start
 from analysis.simulation.scenario import Scenario
 from estimators.errors import ScenarioError
@@ -40,7 +40,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
             "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
             f"give more than {full_N:g}, or 0 for none"
         )
-    bodies = [Body.loaded(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))]
+    bodies = [RigidBody.loaded(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))]
     for body in bodies:
         square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
         if body.inertia_z_kg_m2 * body.mass_kg <= square:
@@ -49,9 +49,9 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
                 "machine.inertia_z_kg_m2: is about the origin, so that it is more than mass times "
                 f"the square of the centre of mass's distance; give more than {least:.0f}"
             )
-    run = scenario.campaign.run
-    limits = _Limits(scenario, *bodies, turns=any(_turns(manoeuvre) for manoeuvre in run))
-    for number, manoeuvre in enumerate(run):
+    trial = scenario.campaign.trial
+    limits = _Limits(scenario, *bodies, turns=any(_turns(manoeuvre) for manoeuvre in trial))
+    for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
         limits.check(manoeuvre, key)
 
@@ -71,9 +71,9 @@ def _turns(manoeuvre: Manoeuvre) -> bool:
 @dataclass(frozen=True)
 class _Limits:
     scenario: Scenario
-    lightest: Body
-    heaviest: Body
-    #: Whether the run turns, so that the slope may come from anywhere.
+    lightest: RigidBody
+    heaviest: RigidBody
+    #: Whether the trial turns, so that the slope may come from anywhere.
     turns: bool
 
     def check(self, manoeuvre: Manoeuvre, key: str) -> None:

@@ -1,4 +1,4 @@
-"""A solved motion: the manoeuvres of one run with one load, without noise."""
+"""A solved motion: the manoeuvres of one trial with one load, without noise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.simulation.body import Body
+from analysis.simulation.body import RigidBody
 from analysis.simulation.waveforms import Floats
 
 
-class State(NamedTuple):
+class MotionState(NamedTuple):
     """The machine at n instants, each (n,): drive and brakes are forces in N, torques in N·m."""
 
     speed_x_m_s: Floats
@@ -25,8 +25,8 @@ class State(NamedTuple):
     heading_rad: Floats
 
 
-class Phase(NamedTuple):
-    """A part of a run, times in s since the run began.
+class MotionPhase(NamedTuple):
+    """A part of a trial, times in s since the trial began.
 
     `name` is a phase of motion, or None where the motion tells it; `state` takes times (n,).
     """
@@ -34,11 +34,11 @@ class Phase(NamedTuple):
     name: str | None
     start_s: float
     end_s: float
-    state: Callable[[Floats], State]
+    state: Callable[[Floats], MotionState]
 
 
-class Window(NamedTuple):
-    """When a manoeuvre happens, in s since the run began; None for what it does not have.
+class ManoeuvreTimes(NamedTuple):
+    """When a manoeuvre happens, in s since the trial began; None for what it does not have.
 
     `drive_s` is when drive begins, `steady_s` when a start cruises, a spin holds its rate and an
     arc its speed; `braking_s` when it ends in braking (or in the ramp down of an arc).
@@ -74,8 +74,8 @@ class Channels(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Motion:
-    """One run with one load, from standing to standing; before and after, the machine stands.
+class SolvedMotion:
+    """One trial with one load, from standing to standing; before and after, the machine stands.
 
     Attributes:
         body: the machine with its load: what an estimator should find.
@@ -84,10 +84,10 @@ class Motion:
         manoeuvres: a window a manoeuvre, in order.
     """
 
-    body: Body
+    body: RigidBody
     brake_measured_share: float
-    phases: tuple[Phase, ...]
-    manoeuvres: tuple[Window, ...]
+    phases: tuple[MotionPhase, ...]
+    manoeuvres: tuple[ManoeuvreTimes, ...]
 
     @property
     def duration_s(self) -> float:
@@ -95,16 +95,16 @@ class Motion:
         return self.manoeuvres[-1].end_s
 
     def sample(self, time_s: Floats) -> Channels:
-        """The channels at times (n,) in s since the run began: any times, in any order."""
+        """The channels at times (n,) in s since the trial began: any times, in any order."""
         name = np.full(time_s.shape, "standstill", dtype="<U12")
-        rows = np.zeros((len(State._fields), *time_s.shape))
+        rows = np.zeros((len(MotionState._fields), *time_s.shape))
         for phase in self.phases:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
             if inside.any():  # a short phase may fall between two samples
                 state = phase.state(time_s[inside])
                 name[inside] = _told(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
-        state = State(*[rows[i] for i in range(len(rows))])
+        state = MotionState(*[rows[i] for i in range(len(rows))])
         gravity_x, gravity_y = self.body.gravity(state.heading_rad)
         seen = self.brake_measured_share
         return Channels(
@@ -123,7 +123,7 @@ class Motion:
         )
 
 
-def _told(state: State) -> NDArray[np.str_]:
+def _told(state: MotionState) -> NDArray[np.str_]:
     """The phases of motion (n,) of an excitation."""
     stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
     return np.select(

@@ -1,7 +1,7 @@
 """What the instruments report of a motion: noise, delay, bias, and what the recorder makes of it.
 
-Every channel of every run draws from its own stream of random numbers, so that one more run, load
-or channel leaves all others as they were.
+Every channel of every trial draws from its own stream of random numbers, so that one more trial,
+load or channel leaves all others as they were.
 """
 
 import math
@@ -50,12 +50,12 @@ class Streams:
     Attributes:
         seed: of the scenario.
         load_index: which log of the campaign.
-        run: (n,) the run that each sample belongs to, ascending; the rest after them is a run, too.
+        trial: (n,) the trial that each sample belongs to, ascending; the rest after them is one.
     """
 
     seed: int
     load_index: int
-    run: NDArray[np.int64]
+    trial: NDArray[np.int64]
 
     def normal(self, stream: str, std: float) -> Floats:
         """White noise (n,) of standard deviation `std`."""
@@ -64,7 +64,7 @@ class Streams:
     def drift(self, stream: str, std: float, samples: float) -> Floats:
         """A stationary first-order Gauss-Markov process (n,): e-folding after `samples`."""
         if not std:
-            return np.zeros(self.run.size)
+            return np.zeros(self.trial.size)
         from scipy.signal import lfilter
 
         keeps = math.exp(-1.0 / samples)
@@ -77,16 +77,18 @@ class Streams:
         return np.concatenate([g.random(n) for g, n in self._generators(stream)])
 
     def _generators(self, stream: str) -> list[tuple[np.random.Generator, int]]:
-        runs, samples = np.unique(self.run, return_counts=True)
+        trials, samples = np.unique(self.trial, return_counts=True)
         number = _STREAMS.index(stream)
         return [
             (
                 np.random.default_rng(
-                    np.random.SeedSequence(self.seed, spawn_key=(self.load_index, int(run), number))
+                    np.random.SeedSequence(
+                        self.seed, spawn_key=(self.load_index, int(trial), number)
+                    )
                 ),
                 int(count),
             )
-            for run, count in zip(runs, samples, strict=True)
+            for trial, count in zip(trials, samples, strict=True)
         ]
 
 

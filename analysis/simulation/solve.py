@@ -1,4 +1,4 @@
-"""A scenario's run solved: its manoeuvres one after the other, each from standing to standing."""
+"""Solve a trial: its manoeuvres one after the other, each from standing to standing."""
 
 import math
 from collections.abc import Callable
@@ -7,25 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.simulation.arc import arc_phases
-from analysis.simulation.body import Body, Pair
+from analysis.simulation.body import Pair, RigidBody
 from analysis.simulation.driven import Driven
 from analysis.simulation.gripped import Commands
 from analysis.simulation.limits import check_limits
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Rest, Spin, Start
-from analysis.simulation.motion import Motion, Phase, State, Window
+from analysis.simulation.motion import ManoeuvreTimes, MotionPhase, MotionState, SolvedMotion
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.waveforms import Floats, ForceWave, TorqueWave
 
 _STILL = Pair(0.0, 0.0)
 
 
-def solve_motion(scenario: Scenario, load_kg: float) -> Motion:
-    """Solve one run with one load, without noise.
+def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
+    """Solve one trial with one load, without noise.
 
     Sample the motion as often as needed: Monte Carlo trials solve once and add noise many times.
 
     Args:
-        scenario: the machine, the ground and the manoeuvres of a run (`campaign.run`).
+        scenario: the machine, the ground and the manoeuvres of a trial (`campaign.trial`).
         load_kg: in the bucket.
 
     Returns:
@@ -35,36 +35,36 @@ def solve_motion(scenario: Scenario, load_kg: float) -> Motion:
         ScenarioError: the machine cannot be driven as asked.
     """
     check_limits(scenario, [load_kg])
-    run = _Run(scenario, Body.loaded(scenario, load_kg))
-    phases = [run.standing(-math.inf, 0.0, heading_rad=0.0)]
-    windows: list[Window] = []
-    for manoeuvre in scenario.campaign.run:
-        parts, window = run.solve(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
+    trial = _Trial(scenario, RigidBody.loaded(scenario, load_kg))
+    phases = [trial.standing(-math.inf, 0.0, heading_rad=0.0)]
+    windows: list[ManoeuvreTimes] = []
+    for manoeuvre in scenario.campaign.trial:
+        parts, window = trial.solve(manoeuvre, phases[-1].end_s, _end_heading_rad(phases))
         phases.extend(parts)
         windows.append(window)
-    phases.append(run.standing(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
+    phases.append(trial.standing(phases[-1].end_s, math.inf, _end_heading_rad(phases)))
     seen = scenario.campaign.brake_measured_share
-    return Motion(run.body, seen, tuple(phases), tuple(windows))
+    return SolvedMotion(trial.body, seen, tuple(phases), tuple(windows))
 
 
-def _end_heading_rad(phases: list[Phase]) -> float:
+def _end_heading_rad(phases: list[MotionPhase]) -> float:
     return float(phases[-1].state(np.array([phases[-1].end_s])).heading_rad[0])
 
 
 @dataclass(frozen=True)
-class _Run:
+class _Trial:
     scenario: Scenario
-    body: Body
+    body: RigidBody
 
     def solve(
         self, manoeuvre: Manoeuvre, begin_s: float, heading_rad: float
-    ) -> tuple[list[Phase], Window]:
+    ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """One manoeuvre that begins standing at a heading: its phases without a gap."""
         match manoeuvre:
             case Rest():
                 end_s = begin_s + manoeuvre.duration_s
                 phases = [self.standing(begin_s, end_s, heading_rad)]
-                return phases, Window("rest", begin_s, None, None, None, end_s)
+                return phases, ManoeuvreTimes("rest", begin_s, None, None, None, end_s)
             case Start():
                 sign = 1.0 if manoeuvre.direction == "forward" else -1.0
                 return self._straight_or_spin(manoeuvre, 0, sign, begin_s, heading_rad)
@@ -76,21 +76,21 @@ class _Run:
             case Excite():
                 return self._excited(manoeuvre, begin_s, heading_rad)
 
-    def standing(self, start_s: float, end_s: float, heading_rad: float) -> Phase:
+    def standing(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Stand at a heading; the brakes hold."""
         hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
 
-        def state(time_s: Floats) -> State:
+        def state(time_s: Floats) -> MotionState:
             zero = np.zeros_like(time_s)
-            return State(
+            return MotionState(
                 zero, zero, zero, zero - hold.x, zero, zero, zero, zero - hold.z, zero + heading_rad
             )
 
-        return Phase("standstill", start_s, end_s, state)
+        return MotionPhase("standstill", start_s, end_s, state)
 
     def _straight_or_spin(
         self, manoeuvre: Start | Spin, axis: int, sign: float, begin_s: float, heading_rad: float
-    ) -> tuple[list[Phase], Window]:
+    ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Open the throttle until `steady_s`, keep the speed (yaw rate), brake."""
         campaign = self.scenario.campaign
         full = self.scenario.full_drive[axis] * campaign.valve(manoeuvre.throttle)
@@ -111,11 +111,11 @@ class _Run:
         braked = machine.stop(names[2], braking_s, state, self._brakes(state))
         phases = [stalled, *opened, *kept, *braked]
         kind = manoeuvre.kind
-        return phases, Window(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
+        return phases, ManoeuvreTimes(kind, begin_s, begin_s, steady_s, braking_s, phases[-1].end_s)
 
     def _stalled(
         self, axis: int, sign: float, full: float, begin_s: float, heading_rad: float
-    ) -> tuple[Phase, Floats]:
+    ) -> tuple[MotionPhase, Floats]:
         """The throttle opens until the drive overcomes slope and friction: that, and the state.
 
         The brakes let go as the drive takes over the slope.
@@ -129,23 +129,23 @@ class _Run:
         def drive(time_s: Floats) -> Floats:
             return full * -np.expm1(-(time_s - begin_s) / lag_s)
 
-        def state(time_s: Floats) -> State:
+        def state(time_s: Floats) -> MotionState:
             zero, opening = np.zeros_like(time_s), drive(time_s)
             driven, braked = sign * opening, sign * np.minimum(opening - against, 0.0)
             held = zero - hold[1 - axis]
             x, z = (
                 ((driven, braked), (zero, held)) if axis == 0 else ((zero, held), (driven, braked))
             )
-            return State(zero, zero, *x, zero, zero, *z, zero + heading_rad)
+            return MotionState(zero, zero, *x, zero, zero, *z, zero + heading_rad)
 
         start = np.zeros(7)
         start[1 + 3 * axis] = sign * drive(np.array([breakaway_s]))[0]
         start[6] = heading_rad
-        return Phase("standstill", begin_s, breakaway_s, state), start
+        return MotionPhase("standstill", begin_s, breakaway_s, state), start
 
     def _excited(
         self, manoeuvre: Excite, begin_s: float, heading_rad: float
-    ) -> tuple[list[Phase], Window]:
+    ) -> tuple[list[MotionPhase], ManoeuvreTimes]:
         """Follow the waveforms through the valves of both sides, then brake."""
         force, torque = manoeuvre.force, manoeuvre.torque
         end_s = begin_s + manoeuvre.duration_s
@@ -167,7 +167,7 @@ class _Run:
         driven, state = machine.move(None, begin_s, end_s, state, asked)
         braked = machine.stop("braking", end_s, state, self._brakes(state))
         phases = [*driven, *braked]
-        return phases, Window("excite", begin_s, begin_s, None, end_s, phases[-1].end_s)
+        return phases, ManoeuvreTimes("excite", begin_s, begin_s, None, end_s, phases[-1].end_s)
 
     def _brakes(self, state: Floats) -> Commands:
         """No drive, and brakes against the motion: the same deceleration of the wheels on both."""

@@ -1,9 +1,19 @@
-"""`payscope excite`: which excitation tells most."""
+"""`payscope excite`: design an excitation, and print how well each waveform does."""
+
+from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from analysis.experiment_design import Design
+
+_TITLES: Final = {"mass_kg": "mass kg", "inertia_z_kg_m2": "Izz kg·m²", "com_x_m": "com x m"}
+_DIGITS: Final = {"mass_kg": 1, "inertia_z_kg_m2": 1, "com_x_m": 4}
 
 
 def command(
@@ -41,12 +51,11 @@ def command(
     Each waveform drives the simulated machine; the table says what least squares over one window
     will find, where the window tells least. Exit status 1 when no waveform reaches the accuracy.
     """
-    from analysis.excitation import design
+    from analysis.experiment_design import design
     from recordings.output import check_output, keep_apart
-    from replay.commands.excite_table import render
     from replay.commands.printing import console, print_json
     from replay.excite import to_dict, write_design
-    from replay.scenario import load_scenario
+    from replay.scenario_file import load_scenario
 
     wanted = _share(accuracy)
     if output:
@@ -57,7 +66,7 @@ def command(
     if as_json:
         print_json(to_dict(made))
     else:
-        console().print(render(made))
+        console().print(_render(made))
     if output and made.best:
         write_design(made, base, output, force=force)
         typer.echo(str(output), err=as_json)
@@ -75,3 +84,58 @@ def _share(text: str) -> float:
     if rest or not 0.0 < value < 1.0:
         raise typer.BadParameter(f"--accuracy {text}: write it as 1% or 0.01, below 100%")
     return value
+
+
+def _render(design: Design) -> RenderableType:
+    """Lay a design out for a terminal."""
+    from rich.console import Group
+
+    from replay.commands.printing import plain_table
+
+    names = list(design.scores[0].predictions)
+    titles = [text for name in names for text in (f"± {_TITLES[name]}", "bias")]
+    table = plain_table(
+        "waveform", *titles, "error", "rank", "condition", "SNR", "needs", "peak m/s", "reach m", ""
+    )
+    for score in design.scores:
+        numbers = [
+            f"{value:.{_DIGITS[name]}f}"
+            for name, each in score.predictions.items()
+            for value in (each.std, each.bias)
+        ]
+        table.add_row(
+            f"{score.waveform}, {score.ways}",
+            *numbers,
+            f"{score.relative_error:.2%}",
+            str(score.rank),
+            f"{score.condition:,.0f}",
+            f"{score.snr:.1f}",
+            "–" if score.snr_needed is None else f"{score.snr_needed:.1f}",
+            f"{score.peak_speed_m_s:.2f}",
+            f"{score.reach_m:.1f}",
+            "best" if score is design.best else "",
+        )
+    return Group(*_timing(design), "", table, "", _verdict(design))
+
+
+def _timing(design: Design) -> list[str]:
+    periods = {
+        "force": design.scores[0].manoeuvre.force,
+        "torque": design.scores[0].manoeuvre.torque,
+    }
+    lines = [
+        f"{axis}: response time T = {seconds:.2f} s, period {wave.period_s:.2f} s"
+        for axis, seconds in design.response_s.items()
+        if (wave := periods[axis]) is not None
+    ]
+    return [*lines, f"window {design.window_s:.2f} s"]
+
+
+def _verdict(design: Design) -> str:
+    best, wanted = design.best, f"{design.accuracy:.3g}"
+    if best is None:
+        return "No waveform fits the yard."
+    name, error = f"{best.waveform}, {best.ways}", f"{best.relative_error:.2g}"
+    if design.reached:
+        return f"The accuracy of {wanted} is reached: {name}, has {error}."
+    return f"No waveform reaches the accuracy of {wanted}: the best, {name}, has {error}."

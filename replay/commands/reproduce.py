@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 
-class Format(StrEnum):
+class ReproductionFormat(StrEnum):
     """What is written beside the pictures."""
 
     md = "md"
@@ -29,9 +29,9 @@ def command(
     ] = 10,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated noise.")] = 1,
     output_format: Annotated[
-        Format,
+        ReproductionFormat,
         typer.Option("--format", help="One page of Markdown, or a CSV file an item."),
-    ] = Format.md,
+    ] = ReproductionFormat.md,
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
 ) -> None:
     """Find the paper's tables, figures and claims anew, beside the paper's own numbers.
@@ -52,7 +52,7 @@ def command(
     wanted = [item for item in ITEMS if item.name in (items or names)]
     check_reproduction(wanted, output, output_format, force=force)
     reproduction = Reproduction(wanted, windows=trials, campaigns=campaigns, seed=seed)
-    with Stages(len(reproduction.steps)) as stages:
+    with Stages(len(reproduction.repetitions)) as stages:
         found = reproduction.find(stages.begin)
     about = (
         f"By `payscope reproduce --trials {trials} --campaigns {campaigns} --seed {seed}`: "

@@ -21,7 +21,7 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace existing logs.")] = False,
 ) -> None:
     """Simulate a scenario as real logs, one a load, with the truth beside each."""
-    from replay.scenario import load_scenario
+    from replay.scenario_file import load_scenario
     from replay.simulate import simulate
 
     for path in simulate(load_scenario(scenario, overrides or []), output, force=force):

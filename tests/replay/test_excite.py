@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from analysis.excitation import design
+from analysis.experiment_design import design
 from analysis.simulation import Scenario
 from estimators.errors import DataError, OutputError
 from replay.excite import write_design
-from replay.scenario import load_scenario, scenario_text
+from replay.scenario_file import load_scenario, scenario_text
 from replay.simulate import simulate
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
@@ -41,7 +41,7 @@ def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(tmp_pa
     made = json.loads(answer.stdout)
     (best,) = [each for each in made["waveforms"] if each["best"]]
     scenario = load_scenario(tmp_path / "best.toml")
-    rest, driven = scenario.campaign.run
+    rest, driven = scenario.campaign.trial
     assert rest.kind == "rest"
     assert driven.model_dump(exclude_none=True)["force"] == best["force"]
     (log,) = simulate(scenario, tmp_path / "best.csv")

@@ -10,7 +10,7 @@ from analysis.schema import FRAMES, frame_schema
 from recordings import read_recording, write_recording
 from replay import load_machine, open_log, run
 from replay.demo import replay_campaign
-from replay.scenario import load_scenario
+from replay.scenario_file import load_scenario
 from replay.simulate import simulate
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from replay import load_machine, open_log, run
-from replay.scenario import load_scenario
+from replay.scenario_file import load_scenario
 from replay.simulate import simulate
 
 SCENARIO = Path(__file__).parents[2] / "examples" / "inertia.toml"

@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.simulation import simulate_campaign
 from replay import load_machine, open_log, run
-from replay.scenario import load_scenario
+from replay.scenario_file import load_scenario
 from replay.simulate import simulate
 
 PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"

@@ -54,7 +54,7 @@ def test_progress_is_told_as_often_as_was_promised(
     reproduction: Reproduction, found: dict[str, Found], told: list[str]
 ) -> None:
     assert found
-    assert told == [step.name for step in reproduction.steps]
+    assert told == [each.name for each in reproduction.repetitions]
     assert len(set(told)) == len(told)
 
 
@@ -62,7 +62,7 @@ def test_what_several_items_need_is_simulated_once() -> None:
     def names(*wanted: str) -> list[str]:
         items = [item for item in ITEMS if item.name in wanted]
         planned = Reproduction(items, windows=10, campaigns=2, seed=1)
-        return [step.name for step in planned.steps]
+        return [each.name for each in planned.repetitions]
 
     assert names("fig2", "fig3") == ["linear motion"]
     assert names("table3", "fig6", "fig8") == ["campaign 1", "campaign 2"]

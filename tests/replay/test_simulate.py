@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import OutputError, ScenarioError
-from replay.scenario import scenario_text
+from replay.scenario_file import scenario_text
 from replay.simulate import log_paths, simulate
 from replay.write_log import write_logs
 from tests.one_line import assert_one_line

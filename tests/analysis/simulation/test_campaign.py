@@ -109,14 +109,14 @@ def test_the_same_seed_gives_the_same_log_bit_for_bit_and_another_seed_another()
 
 def test_more_runs_leave_those_before_as_they_were():
     few, many = first_log(runs=2), first_log(runs=5)
-    end = few.runs["end_ns"][-1]
+    end = few.trials["end_ns"][-1]
     for name, frame in few.topics.items():
         assert_frame_equal(
             frame.filter(pl.col("header_stamp_ns") < end),
             many.topics[name].filter(pl.col("header_stamp_ns") < end),
             check_exact=True,
         )
-    assert_frame_equal(few.runs, many.runs[:2])
+    assert_frame_equal(few.trials, many.trials[:2])
 
 
 def test_one_more_load_leaves_the_logs_before_as_they_were():
@@ -132,7 +132,7 @@ def test_noise_differs_between_runs_loads_and_channels():
         for log in pair
         for column in ("torque_left_N_m", "torque_right_N_m")
     ]
-    second = pair[0].runs["start_ns"][1]
+    second = pair[0].trials["start_ns"][1]
     torque = pair[0].topics["torque"].filter(pl.col("header_stamp_ns") >= second)
     standing.append(torque["torque_left_N_m"].to_numpy()[:400])
     correlation = np.corrcoef(standing) - np.eye(len(standing))
@@ -152,9 +152,9 @@ def test_the_logs_of_a_campaign_make_one_time_line_of_strictly_increasing_stamps
 
 def test_the_truth_of_a_run_is_where_it_happens_in_the_log():
     log = logs(campaign={"loads_kg": [100], "runs": 3}, machine={"coulomb_N": 50})[0]
-    assert log.runs["mass_kg"].to_list() == [3714.0] * 3
-    assert log.runs["coulomb_N"].to_list() == [50.0] * 3
-    for run in log.runs.iter_rows(named=True):
+    assert log.trials["mass_kg"].to_list() == [3714.0] * 3
+    assert log.trials["coulomb_N"].to_list() == [50.0] * 3
+    for run in log.trials.iter_rows(named=True):
         inside = log.noise_free.filter(
             pl.col("time_ns").is_between(run["throttle_ns"], run["end_ns"])
         )

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.excitation import design, driving, rank, response_time_s
+from analysis.experiment_design import design, driving, rank, response_time_s
 from analysis.prediction import Filters, Measured, noise_of, parameters, window_system
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.manoeuvres import Excite
@@ -27,12 +27,12 @@ AHEAD = scenario(machine={"com_x_m": -0.2, "com_y_m": 0.03})
 
 
 @cache
-def designed(stage, made=None):
-    return design({None: PLAIN, "ahead": AHEAD}[made], stage)
+def designed(drive, made=None):
+    return design({None: PLAIN, "ahead": AHEAD}[made], drive)
 
 
-def errors(made, stage, score, window_s, force_noise_N=None):
-    """Errors of the parameters of `stage` over noisy trials of the score's own window."""
+def errors(made, drive, score, window_s, force_noise_N=None):
+    """Errors of the parameters of `drive` over noisy trials of the score's own window."""
     if force_noise_N is not None:
         sensors = made.sensors.model_copy(update={"force_noise_N": force_noise_N})
         made = made.model_copy(update={"sensors": sensors})
@@ -50,7 +50,7 @@ def errors(made, stage, score, window_s, force_noise_N=None):
                 for each, std in zip(truth, noise, strict=True)
             )
         )
-        A, y = window_system(stage, filters, raw, noise)
+        A, y = window_system(drive, filters, raw, noise)
         found.append(np.linalg.lstsq(A, y)[0])
     return np.array(found), motion.body
 
@@ -126,9 +126,9 @@ def test_period_and_window_follow_from_the_response_time():
         assert score.manoeuvre.force.period_s == pytest.approx(3 * response_s, abs=1e-3)
 
 
-@pytest.mark.parametrize(("stage", "allowed"), [("straight", 3), ("spin", 4), ("joint", 6)])
-def test_each_stage_has_the_rank_that_its_motion_allows(stage, allowed):
-    made = designed(stage, "ahead" if stage == "joint" else None)
+@pytest.mark.parametrize(("drive", "allowed"), [("straight", 3), ("spin", 4), ("joint", 6)])
+def test_each_stage_has_the_rank_that_its_motion_allows(drive, allowed):
+    made = designed(drive, "ahead" if drive == "joint" else None)
     assert {score.rank for score in made.scores} == {allowed}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.simulation import Scenario
 from estimators.errors import ScenarioError
-from replay.scenario import load_scenario
+from replay.scenario_file import load_scenario
 from tests.one_line import assert_one_line
 
 MANOEUVRE = "[[campaign.manoeuvres]]\n"

@@ -12,16 +12,16 @@ from typing import Final, Literal, TypeAlias, get_args
 import numpy as np
 
 from analysis.prediction import (
+    Drive,
     Filters,
     Measured,
     Prediction,
-    Stage,
     condition,
     noise_of,
     predict,
 )
 from analysis.simulation import Channels, Scenario, solve_motion
-from analysis.simulation.body import Body
+from analysis.simulation.body import RigidBody
 from analysis.simulation.manoeuvres import Excite, Rest
 from analysis.simulation.waveforms import ForceWave, Shape, TorqueWave
 from estimators import planar_rows
@@ -42,13 +42,13 @@ _SOLVED_TO: Final = 1e-9
 #: Places of the window in a period.
 _PLACES: Final = 24
 _SMOOTH_SAMPLES: Final = 10
-_AXES: Final[dict[Stage, tuple[Axis, ...]]] = {
+_AXES: Final[dict[Drive, tuple[Axis, ...]]] = {
     "straight": ("force",),
     "spin": ("torque",),
     "joint": ("force", "torque"),
 }
 #: What must be as accurate as asked for.
-_ASKED: Final[dict[Stage, tuple[str, ...]]] = {
+_ASKED: Final[dict[Drive, tuple[str, ...]]] = {
     "straight": ("mass_kg",),
     "spin": ("inertia_z_kg_m2",),
     "joint": ("mass_kg", "inertia_z_kg_m2"),
@@ -94,7 +94,7 @@ class Score:
 class Design:
     """The waveforms tried, and the best of those that fit the yard (None where none does)."""
 
-    stage: Stage
+    drive: Drive
     response_s: Mapping[str, float]
     window_s: float
     accuracy: float
@@ -107,7 +107,7 @@ class Design:
         return self.best is not None and self.best.relative_error <= self.accuracy
 
     def scenario(self, base: Scenario) -> Scenario:
-        """The best waveform as the run of a scenario, after a short rest.
+        """The best waveform as the trial of a scenario, after a short rest.
 
         Raises:
             DataError: no waveform fits the yard.
@@ -118,7 +118,7 @@ class Design:
 
 
 def driving(base: Scenario, *manoeuvres: Rest | Excite) -> Scenario:
-    """The same scenario with these manoeuvres as its run."""
+    """The same scenario with these manoeuvres as its trial."""
     campaign = base.campaign.model_copy(update={"manoeuvres": manoeuvres})
     return base.model_copy(update={"campaign": campaign})
 
@@ -131,7 +131,7 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
     Raises:
         DataError: friction of that axis is zero or holds the machine, so that there is no T.
     """
-    body, full = Body.loaded(scenario, load_kg), scenario.full_drive
+    body, full = RigidBody.loaded(scenario, load_kg), scenario.full_drive
     if axis == "force":
         inertia, friction, key = body.mass_kg, body.friction_x_N_s_m, "friction_N_s_m"
         step = Excite(
@@ -146,8 +146,8 @@ def response_time_s(scenario: Scenario, load_kg: float, axis: Axis) -> float:
         )
     motion = solve_motion(driving(scenario, step), load_kg)
     time_s = np.linspace(0.0, step.duration_s, 20_001)[:-1]
-    run = motion.sample(time_s)
-    speed = run.speed_x_m_s if axis == "force" else run.yaw_rate_rad_s
+    driven = motion.sample(time_s)
+    speed = driven.speed_x_m_s if axis == "force" else driven.yaw_rate_rad_s
     if speed[-1] == 0.0:
         raise DataError(f"half of full throttle does not overcome Coulomb friction ({axis})")
     return float(time_s[np.abs(speed / speed[-1] - 1.0) > _SETTLED][-1])
@@ -161,7 +161,7 @@ def _long_s(inertia: float, friction: float, key: str, scenario: Scenario) -> fl
 
 def design(
     scenario: Scenario,
-    stage: Stage = "straight",
+    drive: Drive = "straight",
     accuracy: float = 0.01,
     window_s: float | None = None,
     yard_m: float | None = None,
@@ -170,7 +170,7 @@ def design(
 
     Args:
         scenario: machine, sensors, ground; its first load.
-        stage: straight (force), spin (torque) or joint (both, full throttle shared).
+        drive: straight (force), spin (torque) or joint (both, full throttle shared).
         accuracy: wanted r.m.s. error over the value: of the mass, the yaw inertia, or both.
         window_s: T_φ, between T and T_f of the slowest axis; 2 T unless given.
         yard_m: how far from its start the machine may get.
@@ -184,7 +184,7 @@ def design(
         raise DataError(
             "sensors.force_noise_N: without noise there is no signal-to-noise ratio; give it"
         )
-    response_s = {axis: response_time_s(scenario, load_kg, axis) for axis in _AXES[stage]}
+    response_s = {axis: response_time_s(scenario, load_kg, axis) for axis in _AXES[drive]}
     slowest_s = max(response_s.values())
     window_s = 2.0 * slowest_s if window_s is None else window_s
     if not slowest_s <= window_s <= _PERIOD_OVER_RESPONSE * slowest_s:
@@ -193,22 +193,22 @@ def design(
             f"and the period of 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
         )
     scores = [
-        _score(scenario, stage, shape, ways, response_s, window_s, accuracy)
+        _score(scenario, drive, shape, ways, response_s, window_s, accuracy)
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
     best = min(fitting, key=lambda score: score.relative_error, default=None)
-    return Design(stage, response_s, window_s, accuracy, scores, best)
+    return Design(drive, response_s, window_s, accuracy, scores, best)
 
 
 def _manoeuvre(
-    scenario: Scenario, stage: Stage, shape: Shape, ways: Ways, response_s: Mapping[str, float]
+    scenario: Scenario, drive: Drive, shape: Shape, ways: Ways, response_s: Mapping[str, float]
 ) -> Excite:
-    force_N, torque_N_m = (full / 2.0 if stage == "joint" else full for full in scenario.full_drive)
+    force_N, torque_N_m = (full / 2.0 if drive == "joint" else full for full in scenario.full_drive)
     # to the millisecond, so that a person can read the scenario
     periods = {axis: round(_PERIOD_OVER_RESPONSE * each, 3) for axis, each in response_s.items()}
-    if stage == "joint":
+    if drive == "joint":
         ratio = periods["force"] / periods["torque"]
         if max(ratio, 1.0 / ratio) < _LEAST_PERIOD_RATIO:
             periods["torque"] = round(periods["force"] * _OUT_OF_STEP, 3)
@@ -233,7 +233,7 @@ def _manoeuvre(
 
 def _score(
     scenario: Scenario,
-    stage: Stage,
+    drive: Drive,
     shape: Shape,
     ways: Ways,
     response_s: Mapping[str, float],
@@ -241,7 +241,7 @@ def _score(
     accuracy: float,
 ) -> Score:
     load_kg = scenario.campaign.loads_kg[0]
-    manoeuvre = _manoeuvre(scenario, stage, shape, ways, response_s)
+    manoeuvre = _manoeuvre(scenario, drive, shape, ways, response_s)
     period_s = manoeuvre.duration_s / 2.0
     noise, rate_hz = noise_of(scenario), scenario.sensors.rate_hz
     filters = Filters(_SMOOTH_SAMPLES, rate_hz)
@@ -250,9 +250,9 @@ def _score(
     last_s = 2.0 * period_s + samples / rate_hz
     longer = manoeuvre.model_copy(update={"duration_s": last_s})
     motion = solve_motion(driving(scenario, longer), load_kg)
-    run = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
-    truth = Measured.of(run)
-    asked = _ASKED[stage]
+    driven = motion.sample(np.arange(round(last_s * rate_hz)) / rate_hz)
+    truth = Measured.of(driven)
+    asked = _ASKED[drive]
 
     def worst(predictions: Mapping[str, Prediction]) -> float:
         return max(predictions[name].rms / predictions[name].value for name in asked)
@@ -261,11 +261,11 @@ def _score(
     for place in range(_PLACES):
         first = round(period_s * (1.0 + place / _PLACES) * rate_hz)
         part = Measured(*(each[first : first + samples] for each in truth))
-        windows.append((first, part, predict(stage, filters, part, motion.body, noise)))
+        windows.append((first, part, predict(drive, filters, part, motion.body, noise)))
     first, part, predictions = max(windows, key=lambda window: worst(window[2]))
     repeats = slice(round(period_s * rate_hz), round(2.0 * period_s * rate_hz))
-    applied = truth.torque_z_N_m if stage == "spin" else truth.force_x_N
-    noisy = float(noise.torque_z_N_m if stage == "spin" else noise.force_x_N)
+    applied = truth.torque_z_N_m if drive == "spin" else truth.force_x_N
+    noisy = float(noise.torque_z_N_m if drive == "spin" else noise.force_x_N)
     varies = float(applied[repeats].std())
     allowed = [
         predictions[name].allowed_force_noise(accuracy * predictions[name].value) for name in asked
@@ -273,7 +273,7 @@ def _score(
     known = [each for each in allowed if each is not None]
     # the torque's noise goes with that of the force
     least = min(known) / float(noise.force_x_N) * noisy if len(known) == len(allowed) else None
-    velocity = run.speed_x_m_s * np.exp(1j * run.heading_rad)
+    velocity = driven.speed_x_m_s * np.exp(1j * driven.heading_rad)
     path_m = np.cumsum(velocity[: repeats.stop]) / rate_hz
     return Score(
         waveform=shape,
@@ -281,24 +281,24 @@ def _score(
         manoeuvre=manoeuvre,
         start_s=first / rate_hz,
         predictions=predictions,
-        rank=rank(Channels._make(each[first : first + samples] for each in run)),
-        condition=condition(stage, filters, part, noise),
+        rank=rank(Channels._make(each[first : first + samples] for each in driven)),
+        condition=condition(drive, filters, part, noise),
         snr=varies / noisy,
         snr_needed=None if least is None else varies / least,
-        peak_speed_m_s=float(np.abs(run.speed_x_m_s[repeats]).max()),
+        peak_speed_m_s=float(np.abs(driven.speed_x_m_s[repeats]).max()),
         reach_m=float(np.abs(path_m).max()),
         relative_error=worst(predictions),
     )
 
 
-def rank(run: Channels) -> int:
+def rank(driven: Channels) -> int:
     """How many of the six parameters both rows of a solved motion determine, noise aside."""
     A = planar_rows.regressor(
-        run.specific_force_x_m_s2,
-        run.specific_force_y_m_s2,
-        run.speed_x_m_s,
-        run.yaw_rate_rad_s,
-        run.yaw_acc_rad_s2,
+        driven.specific_force_x_m_s2,
+        driven.specific_force_y_m_s2,
+        driven.speed_x_m_s,
+        driven.yaw_rate_rad_s,
+        driven.yaw_acc_rad_s2,
     )
     solved = _SOLVED_TO * np.sqrt(np.mean(A**2, axis=(0, 1)))
     return identify(A, planar_rows.PARAMETERS, np.maximum(solved, np.finfo(float).tiny)).rank
