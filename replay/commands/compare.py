@@ -9,7 +9,8 @@ import typer
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from analysis.comparison import Changed, ColumnChange, Comparison, EstimateChange
+    from analysis.comparison import Changed, Comparison, EstimateChange
+    from analysis.stage_change import ColumnChange
 
 #: Rows of a table that a person reads at a glance; --json gives all.
 _SHOWN: Final = 12
