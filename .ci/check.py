@@ -1,6 +1,6 @@
 """Check what changed within a minute: lint, types and the tests nearest to the changed files.
 
-    python .ci/check.py [--since COMMIT] [--seconds 40] [--list]
+    python .ci/check.py [--since COMMIT] [--seconds 35] [--list]
 
 Changed is what differs from where this branch left the one it follows (`--since` names another
 commit), committed or not. Of the tests those run that are changed themselves, that mirror a changed
@@ -37,7 +37,7 @@ def main() -> int:
     """Lint, types and tests at once; 0 when all pass."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--since", help="the commit to compare with")
-    parser.add_argument("--seconds", type=float, default=40.0, help="after which tests are skipped")
+    parser.add_argument("--seconds", type=float, default=35.0, help="after which tests are skipped")
     parser.add_argument("--list", action="store_true", help="say what would run, and run nothing")
     asked = parser.parse_args()
     changed = changed_files(asked.since)

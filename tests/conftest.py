@@ -22,7 +22,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     worker = os.environ.get("PYTEST_XDIST_WORKER")
     if worker:
-        os.environ["NUMBA_CACHE_DIR"] = str(REPO / "estimators/__pycache__" / worker)
+        place = os.environ.get("NUMBA_CACHE_DIR") or REPO / ".pytest_cache" / "numba"
+        os.environ["NUMBA_CACHE_DIR"] = str(Path(place, worker))
     config.stash[BEGAN] = time.monotonic()
 
 
@@ -40,7 +41,18 @@ def own_data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make(tmp_path_factory.mktemp("own", numbered=False))
 
 
-@pytest.fixture(params=["own", "others"])
+def folder_of_others() -> Path | None:
+    """Logs recorded by others, which the repository does not hold."""
+    named = os.environ.get("PAYSCOPE_SHARED_DATA")
+    candidates = [Path(named)] if named else [p / "shared/data" for p in REPO.parents]
+    return next((folder for folder in candidates if folder.is_dir()), None)
+
+
+#: Whose logs there are; `tests/test_others.py` says when those of others are not.
+WHOSE = ("own", "others") if folder_of_others() else ("own",)
+
+
+@pytest.fixture(params=WHOSE)
 def data(request: pytest.FixtureRequest) -> Path:
     """Logs of our own, then those of others where they are."""
     return request.getfixturevalue("own_data" if request.param == "own" else "shared_data")
@@ -48,13 +60,8 @@ def data(request: pytest.FixtureRequest) -> Path:
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """Logs recorded by others, which the repository does not hold."""
-    named = os.environ.get("PAYSCOPE_SHARED_DATA")
-    candidates = [Path(named)] if named else [p / "shared/data" for p in REPO.parents]
-    for folder in candidates:
-        if folder.is_dir():
-            return folder
-    pytest.skip(
-        "bytes of others: no shared/data in any parent folder (PAYSCOPE_SHARED_DATA may name it); "
-        "the same is asked of logs of our own"
-    )
+    """What only the bytes of others can show; our own logs are asked the rest."""
+    folder = folder_of_others()
+    if folder is None:
+        pytest.skip("bytes of others: no shared/data above, nor named by PAYSCOPE_SHARED_DATA")
+    return folder

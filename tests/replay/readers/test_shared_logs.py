@@ -23,6 +23,7 @@ from replay.readers.mcap.file import McapFile
 from replay.readers.message_log import MessageLog
 from replay.readers.rosbag2.directory import Rosbag2Directory
 from replay.readers.sqlite.file import Db3File
+from tests.conftest import WHOSE
 from tests.one_line import assert_one_line
 from tests.replay.decoding.random_types import every_field
 from tests.replay.decoding.test_equality import same
@@ -63,7 +64,10 @@ OTHERS = {
 }
 
 
-@pytest.fixture(params=[*(("own", name) for name in OWN), *(("others", name) for name in OTHERS)])
+HELD = {"own": OWN, "others": OTHERS}
+
+
+@pytest.fixture(params=[(whose, name) for whose in WHOSE for name in HELD[whose]], ids=" ".join)
 def log_path(request: pytest.FixtureRequest) -> Path:
     whose, name = request.param
     return request.getfixturevalue("own_data" if whose == "own" else "shared_data") / name
