@@ -165,6 +165,7 @@ def margin(replayed: Run) -> float:
 def make_logs() -> None:
     """Make the logs anew: two by the simulator, and a table of position and force."""
     from replay.scenario import load_scenario
+
     from replay.simulate import simulate
     from replay.write_log import truth_path
 
