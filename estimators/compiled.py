@@ -6,7 +6,7 @@ kept for the next process (`estimators.cache`). Nothing may be reassociated or c
 gives the same bits for one window as for many, and so on board as in replay.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -34,8 +34,26 @@ _ONE_AT_A_TIME: Final = Lock()
 
 def compiled(function: F) -> F:
     """Compile a function of arrays when it is first called."""
+    return _compiled(function, _OPTIONS)
+
+
+def uncounted(function: F) -> F:
+    """Compile a function that allocates nothing, and counts no references to its arrays.
+
+    Where a loop of millions hands arrays from one function to another, counting costs more than
+    what they do. What it calls is compiled so as well.
+    """
+    return _compiled(function, {**_OPTIONS, "_nrt": False})
+
+
+def inlined(function: F) -> F:
+    """Compile a function likewise, into each that calls it."""
+    return _compiled(function, {**_OPTIONS, "_nrt": False, "forceinline": True})
+
+
+def _compiled(function: F, options: Mapping[str, Any]) -> F:
     with _kept_in(_FOLDER_OF(Path(function.__code__.co_filename))):
-        return cast("F", njit(**_OPTIONS)(function))
+        return cast("F", cast("Any", njit)(**options)(function))
 
 
 @contextmanager

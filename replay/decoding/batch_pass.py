@@ -10,7 +10,7 @@ from replay.decoding.columns import Columns
 from replay.decoding.one_pass import one_pass, room_for
 from replay.decoding.program import Program
 from replay.decoding.together import Together
-from replay.decoding.walk import FAULTS, Encoding, Noted, no_layout
+from replay.decoding.walk import FAULTS, Encoding, Messages, Noted, Outcome, no_template
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -59,11 +59,10 @@ class BatchPass:
         # a definition may say that messages are large, where the data has small ones only
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
         self._program, self._together, self._swap = program, together, swap
-        self._data, self._begins, self._sizes = data, begins, sizes
+        self._messages = Messages(data, begins, sizes)
         self._gathered = room_for(together.gathering, rows)
-        self._faults = np.empty(begins.size, np.int8)
-        self._places = np.empty(begins.size, np.int64)
-        room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
+        self._outcome = Outcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
+        self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
         self._noted = _room_for_marks(program, room)
 
@@ -72,31 +71,31 @@ class BatchPass:
         program, wire = self._program, self._program.wire
         while True:
             one_pass(
-                self._data, self._begins, self._sizes,
-                Encoding(wire.cdr, self._swap, wire.counted), program.steps, self._noted,
-                no_layout(program.nodes), self._together.gathering, self._gathered,
-                self._faults, self._places,
+                self._messages, Encoding(wire.cdr, self._swap, wire.counted),
+                program.steps, self._noted, no_template(program.nodes),
+                self._together.gathering, self._gathered, self._outcome,
             )  # fmt: skip
             filled = self._noted.filled
-            if (filled <= self._noted.room).all():
+            if (filled <= self._room).all():
                 return
+            self._room = filled
             self._noted = _room_for_marks(program, filled)
             self._gathered.long_bytes[:] = 0
 
     def result(self) -> WalkedBatch:
         """What it found, once it is done."""
-        nodes, bases, _, marks, filled, *_ = self._noted
-        noted = tuple(
-            marks[base : base + filled[node]] for base, node in zip(bases, nodes, strict=True)
-        )
+        table, marks, filled, *_ = self._noted
+        noted = tuple(marks[base : base + filled[node]] for node, base, _ in table)
         root, rows = self._program.root, int(filled[0])
-        columns = Columns(self._data, self._swap, root, noted, rows, self._together, self._gathered)
-        whole = self._faults == 0
+        columns = Columns(
+            self._messages.data, self._swap, root, noted, rows, self._together, self._gathered
+        )
+        whole = self._outcome.faults == 0
         if whole.all():
             return WalkedBatch(columns, whole, "")
         first = int(np.argmin(whole))
-        where = f"(at its byte {self._places[first] + self._program.wire.head})"
-        return WalkedBatch(columns, whole, f"{FAULTS[self._faults[first]]} {where}")
+        where = f"(at its byte {self._outcome.places[first] + self._program.wire.head})"
+        return WalkedBatch(columns, whole, f"{FAULTS[self._outcome.faults[first]]} {where}")
 
 
 def _room_for_marks(program: Program, room: Ints) -> Noted:
@@ -104,9 +103,7 @@ def _room_for_marks(program: Program, room: Ints) -> Noted:
     nodes = program.mark_nodes
     ends = np.cumsum(room[nodes])
     return Noted(
-        nodes,
-        bases=ends - room[nodes],
-        room=room,
+        np.stack([nodes, ends - room[nodes], room[nodes]], axis=1),
         marks=np.empty(int(ends[-1]) if ends.size else 0, np.int64),
         filled=np.zeros(program.nodes, np.int64),
         kept=np.empty(program.nodes, np.int64),

@@ -113,7 +113,14 @@ def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes)
 
 
 @compiled
-def view(data: Bytes, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: Bytes) -> int:
+def view(
+    data: Bytes,
+    starts: Ints,
+    sizes: Ints,
+    out: NDArray[np.uint32],
+    characters: Bytes,
+    text: Bytes,
+) -> int:
     """Strings as Arrow's views of them (n, 4): size, then all of it, or else where the text is.
 
     Args:
@@ -121,24 +128,22 @@ def view(data: Bytes, starts: Ints, sizes: Ints, out: NDArray[np.uint32], text: 
         starts: (n,) where each begins.
         sizes: (n,) bytes of each.
         out: (n, 4) out.
+        characters: (n, 16) the bytes of `out`.
         text: out, those that do not fit into their views, as far as there is room.
 
     Returns:
         The bytes of `text` that they need.
     """
-    lanes = np.empty(3, np.uint32)
-    characters = lanes.view(np.uint8)
     to = 0
     for k in range(starts.size):
         at, size = starts[k], sizes[k]
-        lanes[:] = 0
-        for byte in range(min(size, np.int64(_INLINE))):
-            characters[byte] = data[at + byte]
         out[k, 0] = size
-        out[k, 1] = lanes[0]
+        out[k, 1] = 0
+        out[k, 2] = 0
+        out[k, 3] = 0
+        for byte in range(min(size, np.int64(_INLINE))):
+            characters[k, 4 + byte] = data[at + byte]
         if size <= _INLINE:
-            out[k, 2] = lanes[1]
-            out[k, 3] = lanes[2]
             continue
         out[k, 2] = 0
         out[k, 3] = to
@@ -202,7 +207,7 @@ def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], B
     """Strings as Arrow's views (n, 4), with the text of those that do not fit into theirs."""
     out = np.empty((starts.size, 4), np.uint32)
     text = np.empty(int(sizes[sizes > _INLINE].sum()), np.uint8)
-    view(data, starts, sizes, out, text)
+    view(data, starts, sizes, out, out.view(np.uint8), text)
     return out, text
 
 

@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
+from estimators.compiled import uncounted
 from replay.decoding.gather import copy_equal, load, view
 from replay.decoding.together import Gathering
-from replay.decoding.walk import Encoding, Layout, Noted, walk
+from replay.decoding.walk import Encoding, Messages, Noted, Outcome, Template, walk
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -30,57 +30,59 @@ class Gathered(NamedTuple):
     #: (texts, n, 4) views of strings, and the bytes of those that do not fit into theirs
     views: NDArray[np.uint32]
     long_bytes: Ints
+    #: (texts, n, 16) the bytes of `views`
+    characters: Bytes
+    #: for text that is not kept
+    nowhere: Bytes
 
 
 def room_for(gathering: Gathering, rows: int) -> Gathered:
     """Memory for so many rows."""
     texts = gathering.text_marks.size
+    views = np.empty((texts, rows, 4), np.uint32)
     return Gathered(
         np.empty((gathering.value_marks.size, rows), np.int64),
         np.empty(int(gathering.array_bytes.sum()) * rows, np.uint8),
-        np.empty((texts, rows, 4), np.uint32),
+        views,
         np.zeros(texts, np.int64),
+        views.view(np.uint8),
+        np.empty(0, np.uint8),
     )
 
 
-@compiled
+@uncounted
 def one_pass(
-    data: Bytes,
-    begins: Ints,
-    sizes: Ints,
+    messages: Messages,
     encoding: Encoding,
     steps: Ints,
     noted: Noted,
-    layout: Layout,
+    template: Template,
     gathering: Gathering,
     gathered: Gathered,
-    faults: NDArray[np.int8],
-    places: Ints,
+    outcome: Outcome,
 ) -> None:
     """Walk and gather messages.
 
     Args:
-        data: (bytes,) what they lie in.
-        begins: (n,) where each begins, behind its encapsulation.
-        sizes: (n,) bytes of each from there on.
+        messages: all of them.
         encoding: of all of them.
         steps: the program.
         noted: takes the marks.
-        layout: none remembered.
+        template: none remembered.
         gathering: what is gathered.
         gathered: takes it.
-        faults: (n,) out, what is wrong with each message, see `walk.FAULTS`.
-        places: (n,) out, the byte where it ends or that was found.
+        outcome: what becomes of each message, out.
     """
     filled = noted.filled
-    for first in range(0, begins.size, _BLOCK_ROWS):
+    count = messages.begins.size
+    for first in range(0, count, _BLOCK_ROWS):
         row = filled[0]
-        end = min(first + _BLOCK_ROWS, begins.size)
-        walk(data, begins, sizes, first, end, encoding, steps, noted, layout, faults, places)
-        _gather(data, noted, gathering, gathered, encoding.swap, row, filled[0])
+        end = min(first + _BLOCK_ROWS, count)
+        walk(messages, first, end, encoding, steps, noted, template, outcome)
+        _gather(messages.data, noted, gathering, gathered, encoding.swap, row, filled[0])
 
 
-@compiled
+@uncounted
 def _gather(
     data: Bytes,
     noted: Noted,
@@ -90,30 +92,29 @@ def _gather(
     first: int,
     end: int,
 ) -> None:
-    # unpacked once: in a loop, each time would count references to all
-    _, bases, _, marks, _, _, _ = noted
+    table, marks, _, _, _ = noted
     value_marks, value_offsets, value_loads = gathering[:3]
     array_marks, array_offsets, array_bytes, text_marks = gathering[3:]
-    values, arrays, views, long_bytes = gathered
+    values, arrays, views, long_bytes, characters, nowhere = gathered
     for k in range(value_marks.size):
-        base = bases[value_marks[k]]
+        base = table[value_marks[k], 1]
         positions = marks[base + first : base + end]
         load(data, positions, value_offsets[k], value_loads[k], swap, values[k, first:end])
     rows = values.shape[1]
     above = 0
     for k in range(array_marks.size):
-        base, size = bases[array_marks[k]], array_bytes[k]
+        base, size = table[array_marks[k], 1], array_bytes[k]
         positions = marks[base + first : base + end]
         out = arrays[above + first * size : above + end * size]
         copy_equal(data, positions, array_offsets[k], size, out)
         above += rows * size
-    nowhere = np.empty(0, np.uint8)
     for k in range(text_marks.size):
-        base, sizes = bases[text_marks[k]], bases[text_marks[k] + 1]
+        base, sizes = table[text_marks[k], 1], table[text_marks[k] + 1, 1]
         long_bytes[k] += view(
             data,
             marks[base + first : base + end],
             marks[sizes + first : sizes + end],
             views[k, first:end],
+            characters[k, first:end],
             nowhere,
         )
