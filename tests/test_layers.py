@@ -21,7 +21,7 @@ ORDER = (
     ("estimators",),
     ("analysis",),
     ("analysis/diagnosis", "analysis/simulation"),
-    ("analysis/calibration",),
+    ("analysis/calibration", "analysis/experiment_design"),
     ("analysis/reproduction",),
     ("recordings",),
     ("recordings/reproduction",),

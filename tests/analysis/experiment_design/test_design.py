@@ -5,8 +5,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.experiment_design import design, driving, rank, response_time_s
-from analysis.prediction import Filters, Measured, noise_of, parameters, window_system
+from analysis.experiment_design.design import design, driving, rank, response_time_s
+from analysis.experiment_design.prediction import (
+    Filters,
+    Measured,
+    noise_of,
+    parameters,
+    window_system,
+)
 from analysis.simulation import Scenario, solve_motion
 from analysis.simulation.manoeuvres import Excite
 from estimators import planar_rows

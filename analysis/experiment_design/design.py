@@ -11,7 +11,7 @@ from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from analysis.prediction import (
+from analysis.experiment_design.prediction import (
     Drive,
     Filters,
     Measured,
