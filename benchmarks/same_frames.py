@@ -18,7 +18,7 @@ import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -83,7 +83,8 @@ def cases(data: Path) -> Iterator[Case]:
     yield Case("demo", command=("demo", "-o", ".", "--seed", "1"))
     for log in sorted(golden for end in ("mcap", "csv") for golden in GOLDEN.glob(f"*.{end}")):
         own = log.with_name(f"{log.stem}.machine.toml")
-        yield from replays(log, str(own) if own.exists() else loader, variants)
+        for case in replays(log, str(own) if own.exists() else loader, variants):
+            yield replace(case, name=f"golden {case.name}")
     small = ("--trials", "20", "--campaigns", "2", "--format", "csv")
     yield Case("reproduce table1 fig2", command=("reproduce", "table1", "fig2", "-o", ".", *small))
 
