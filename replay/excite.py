@@ -1,4 +1,4 @@
-"""The command `excite`: a scenario in, a design and its scenario out."""
+"""Write a design of excitation as a scenario, or give it as plain values."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""The command `reproduce`: the paper's tables, figures and claims over simulated campaigns."""
+"""Reproduce the paper's tables, figures and claims: simulate, replay, and make the items."""
 
 from collections.abc import Callable, Sequence
 from typing import Any

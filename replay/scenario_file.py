@@ -1,4 +1,4 @@
-"""Scenario files: read, and written."""
+"""Read and write scenario files."""
 
 import json
 from collections.abc import Iterable, Mapping

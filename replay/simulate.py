@@ -1,4 +1,4 @@
-"""The command `simulate`: a scenario into logs with known truth."""
+"""Simulate a scenario as logs with known truth."""
 
 from pathlib import Path
 

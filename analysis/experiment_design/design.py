@@ -1,8 +1,8 @@
-"""Excitation design, §3.1 and §4.2 of the paper: which waveform tells most in one window.
+"""Design an excitation (sections 3.1 and 4.2 of the paper): the best waveform for one window.
 
 The response time T is that of the model's own step response, the period T_f = 3 T lets it settle,
-and a window T_φ lies between both. Each waveform drives the model; the window is judged where it
-tells least once the motion repeats.
+and a window T_φ lies between both. Each waveform drives the model; the window is judged at the
+place in the period that determines the parameters least.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,12 +57,12 @@ _ASKED: Final[dict[Drive, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Score:
-    """What one waveform tells in one window, where the window tells least.
+    """Predicted estimates of one waveform, from the window that determines them least.
 
     Attributes:
         waveform: its shape.
         ways: one way (no force or torque against the motion) or both.
-        manoeuvre: what to drive.
+        manoeuvre: to drive.
         start_s: when the window begins, with the samples that the filters take before it.
         predictions: by name: `mass_kg`, `inertia_z_kg_m2`, `com_x_m`.
         rank: of both rows of `planar_rows.regressor`: how many of six parameters are determined.
@@ -189,8 +189,8 @@ def design(
     window_s = 2.0 * slowest_s if window_s is None else window_s
     if not slowest_s <= window_s <= _PERIOD_OVER_RESPONSE * slowest_s:
         raise DataError(
-            f"a window of {window_s:g} s; it lies between the response time T = {slowest_s:.2f} s "
-            f"and the period of 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
+            f"a window of {window_s:g} s cannot be used; give one between the response time "
+            f"T = {slowest_s:.2f} s and the period 3 T = {_PERIOD_OVER_RESPONSE * slowest_s:.2f} s"
         )
     scores = [
         _score(scenario, drive, shape, ways, response_s, window_s, accuracy)

@@ -1,4 +1,4 @@
-"""What least squares over one window will find, before anything is measured.
+"""Predict the errors of least squares over one window, before anything is measured.
 
 The estimator predicted is the paper's: every channel after the moving mean, the yaw acceleration as
 the central difference of the yaw rate, the rows of `estimators.planar_rows` over the noise of force

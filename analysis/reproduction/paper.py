@@ -1,4 +1,4 @@
-"""What the paper prints: the numbers of its tables and of its claims, each typed once."""
+"""Numbers that the paper prints in its tables and claims, each typed once."""
 
 from collections.abc import Sequence
 from statistics import pstdev

@@ -77,7 +77,7 @@ class RigidBody:
         return self.first_moment_y_kg_m / self.mass_kg
 
     def gravity(self, heading: Values) -> tuple[Values, Values]:
-        """What the slope adds to the specific force along x and y at a heading, in m/s²."""
+        """Specific force of the slope along x and y at a heading, in m/s²."""
         if isinstance(heading, float):  # numpy's are slow on single numbers
             return self.uphill_m_s2 * math.cos(heading), -self.uphill_m_s2 * math.sin(heading)
         return self.uphill_m_s2 * np.cos(heading), -self.uphill_m_s2 * np.sin(heading)

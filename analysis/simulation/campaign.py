@@ -21,10 +21,10 @@ from analysis.simulation.solve import solve_motion
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
-    """What is recorded with one load, and the truth about it.
+    """The recorded topics of one load, and the truth about it.
 
     Attributes:
-        scenario: what was asked for.
+        scenario: that was simulated.
         load_kg: the load.
         topics: `imu`, `torque` and `speed`, as `measure` gives them.
         trials: a row a trial: `run` (its number), the unix times `start_ns` and `end_ns`,

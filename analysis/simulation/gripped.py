@@ -18,7 +18,7 @@ RATES: Final = (0, 3)
 
 
 class Commands(NamedTuple):
-    """What the operator asks for.
+    """Commands of the operator.
 
     `drive` takes a time in s since the trial began and gives force and torque; it has kinks at
     `kinks_s`. `brake` is asked for throughout.
@@ -61,7 +61,7 @@ class Gripped:
         return self.body.accelerations(net, (moves[0], moves[1]))
 
     def pull(self, state: Floats) -> tuple[float, float]:
-        """What friction has to hold where it holds: force and torque on the state (7,)."""
+        """Force and torque on the state (7,) that friction has to hold where it holds."""
         net = self.net(state)
         acceleration = self.accelerations(net)
         mc_y = self.body.first_moment_y_kg_m

@@ -1,4 +1,4 @@
-"""What a scenario says of sensors and recorder. By default they are as good as the paper's."""
+"""Sensors and recorder of a scenario; by default as good as the paper's."""
 
 from pydantic import BaseModel, ConfigDict, Field
 

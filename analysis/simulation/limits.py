@@ -90,7 +90,7 @@ class _Limits:
                 pass
 
     def _uphill_m_s2(self, sign: float) -> float:
-        """What gravity decelerates when driving along `sign`, at worst."""
+        """Largest deceleration by gravity when driving along `sign`."""
         uphill = self.heaviest.uphill_m_s2
         return -abs(uphill) if self.turns else sign * uphill
 
@@ -184,7 +184,7 @@ class _Limits:
             )
 
     def _slope_torque(self) -> float:
-        """What the slope turns the machine with in N·m, at worst."""
+        """Largest torque of the slope about the origin, in N·m."""
         if not self.turns:
             return 0.0
         moment = max(

@@ -1,4 +1,4 @@
-"""What the machine can be told to do, one after the other; each begins and ends standing."""
+"""Manoeuvres of the machine, one after the other; each begins and ends standing."""
 
 from typing import Annotated, Literal, Self, TypeAlias
 

@@ -28,7 +28,7 @@ class MotionState(NamedTuple):
 class MotionPhase(NamedTuple):
     """A part of a trial, times in s since the trial began.
 
-    `name` is a phase of motion, or None where the motion tells it; `state` takes times (n,).
+    `name` is a phase of motion, or None where it follows from the motion; `state` takes times (n,).
     """
 
     name: str | None
@@ -102,7 +102,7 @@ class SolvedMotion:
             inside = (time_s >= phase.start_s) & (time_s < phase.end_s)
             if inside.any():  # a short phase may fall between two samples
                 state = phase.state(time_s[inside])
-                name[inside] = _told(state) if phase.name is None else phase.name
+                name[inside] = _phases_of(state) if phase.name is None else phase.name
                 rows[:, inside] = np.stack(state)
         state = MotionState(*[rows[i] for i in range(len(rows))])
         gravity_x, gravity_y = self.body.gravity(state.heading_rad)
@@ -123,7 +123,7 @@ class SolvedMotion:
         )
 
 
-def _told(state: MotionState) -> NDArray[np.str_]:
+def _phases_of(state: MotionState) -> NDArray[np.str_]:
     """The phases of motion (n,) of an excitation."""
     stands, turns = state.speed_x_m_s == 0.0, state.yaw_rate_rad_s != 0.0
     return np.select(

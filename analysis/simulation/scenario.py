@@ -162,7 +162,7 @@ class Scenario(BaseModel):
         return full_N, full_N * self.machine.track_width_m / 2.0
 
     def driven(self, force_N: float, torque_N_m: float) -> tuple[float, float]:
-        """What the valves of both sides make of an asked force and torque, but for their lag."""
+        """Force and torque that both valves give for those asked, but for their lag."""
         width_m, full_N = self.machine.track_width_m, self.campaign.throttle_force_N / 2.0
         left, right = (
             full_N * self.campaign.valve((force_N / 2.0 + sign * torque_N_m / width_m) / full_N)

@@ -1,4 +1,4 @@
-"""What the instruments report of a motion: noise, delay, bias, and what the recorder makes of it.
+"""Measure a motion as the instruments report it: noise, delay, bias, and the recorder's losses.
 
 Every channel of every trial draws from its own stream of random numbers, so that one more trial,
 load or channel leaves all others as they were.

@@ -26,14 +26,14 @@ def command(
         typer.Option(help="Drive with a force, a yaw torque, or both at once."),
     ] = "straight",
     accuracy: Annotated[
-        str, typer.Option(help="Wanted error of mass (yaw inertia), as 1% or 0.01.")
+        str, typer.Option(help="Wanted error of the mass (in a spin, yaw inertia), as 1% or 0.01.")
     ] = "1%",
     window: Annotated[
         float | None,
-        typer.Option(help="Window in s, between T and 3 T of the response time; 2 T if not given."),
+        typer.Option(help="Window in s, between T and 3 T; 2 T by default."),
     ] = None,
     yard: Annotated[
-        float | None, typer.Option(help="How far in m the machine may get from its start.")
+        float | None, typer.Option(help="Greatest distance in m from the start.")
     ] = None,
     overrides: Annotated[
         list[str] | None,
@@ -41,15 +41,18 @@ def command(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Write the best as a scenario that simulate accepts."),
+        typer.Option(
+            "-o", "--output", help="Write the best waveform as a scenario file for simulate."
+        ),
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the design as JSON.")] = False,
 ) -> None:
-    """Design an excitation: period and window from the machine's response, waveforms compared.
+    """Design an excitation: compare waveforms by the error that they leave in the estimates.
 
-    Each waveform drives the simulated machine; the table says what least squares over one window
-    will find, where the window tells least. Exit status 1 when no waveform reaches the accuracy.
+    Period and window follow from the machine's response time T. Each waveform drives the
+    simulated machine; the table predicts the errors of least squares over the window that
+    determines the parameters least. Exit status 1 when no waveform reaches the accuracy.
     """
     from analysis.experiment_design import design
     from recordings.output import check_output, keep_apart

@@ -8,36 +8,44 @@ import typer
 
 
 class ReproductionFormat(StrEnum):
-    """What is written beside the pictures."""
+    """Format of the tables and sentences."""
 
     md = "md"
     csv = "csv"
 
 
 def command(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder for the files.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the files to write.")],
     items: Annotated[
         list[str] | None,
-        typer.Argument(help="table1 … table4, fig2 … fig8, claims; none means all."),
+        typer.Argument(help="table1 … table4, fig2 … fig8, claims; all of them by default."),
     ] = None,
     trials: Annotated[
         int,
-        typer.Option(min=2, help="Windows of each length in Table 1; a fifth as many cruises."),
+        typer.Option(
+            min=2,
+            help="Simulated windows of each length in Table 1; a fifth as many long cruises.",
+        ),
     ] = 250,
     campaigns: Annotated[
-        int, typer.Option(min=2, help="Campaigns for Tables 2 to 4, Figures 6 to 8, the claims.")
+        int,
+        typer.Option(
+            min=2,
+            help="Simulated campaigns for Tables 2 to 4, Figures 6 to 8 and the claims.",
+        ),
     ] = 10,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated noise.")] = 1,
     output_format: Annotated[
         ReproductionFormat,
-        typer.Option("--format", help="One page of Markdown, or a CSV file an item."),
+        typer.Option("--format", help="One Markdown page, or a CSV file for each item."),
     ] = ReproductionFormat.md,
     force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
 ) -> None:
-    """Find the paper's tables, figures and claims anew, beside the paper's own numbers.
+    """Reproduce the paper's tables, figures and claims by simulation, beside the printed numbers.
 
-    By simulation with the replay's own filter, gate and estimators: means and 95 % intervals over
-    many trials, the Cramér–Rao bound where there is one, and a sentence where we differ.
+    Simulated logs pass the filter, gate and estimators of run. Numbers are means over many trials
+    with 95 % intervals and, where it is known, the Cramér–Rao bound; sentences say where they
+    differ from the paper's, and why.
     """
     from estimators.errors import OutputError, nearest
     from recordings.reproduction.items import ITEMS

@@ -11,7 +11,9 @@ def command(
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", help="The log: .bag, .mcap, .csv, or no suffix for rosbag2."
+            "-o",
+            "--output",
+            help="The log: .bag, .mcap, .csv, or without suffix a rosbag2 directory.",
         ),
     ],
     overrides: Annotated[
@@ -20,7 +22,7 @@ def command(
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace existing logs.")] = False,
 ) -> None:
-    """Simulate a scenario as real logs, one a load, with the truth beside each."""
+    """Simulate a scenario as logs, one for each load, with its truth in LOG.truth.json."""
     from replay.scenario_file import load_scenario
     from replay.simulate import simulate
 

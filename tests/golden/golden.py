@@ -166,7 +166,7 @@ def make_logs() -> None:
     """Make the logs anew: two by the simulator, and a table of position and force."""
     from replay.scenario_file import load_scenario
     from replay.simulate import simulate
-    from replay.write_log import truth_path
+    from replay.truth import truth_path
 
     for name in ("straight", "planar"):
         scenario = load_scenario(FOLDER / f"{name}.scenario.toml")

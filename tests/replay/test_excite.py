@@ -70,7 +70,7 @@ def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(tmp_path):
     [
         (["--accuracy", "much"], "--accuracy much: write it as 1% or 0.01"),
         (["--accuracy", "150%"], "below 100%"),
-        (["--window", "1"], "it lies between the response time T = 4.97 s"),
+        (["--window", "1"], "give one between the response time T = 4.97 s"),
         (["--set", "machine.mas_kg=3"], "unknown key 'machine.mas_kg'; did you mean 'mass_kg'?"),
         (["--set", "mass"], "--set mass: write it as key=value"),
         (["none.toml"], "none.toml: cannot be read"),
