@@ -4,6 +4,7 @@ import json
 import warnings
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,9 +36,9 @@ def read_recording(path: str | Path) -> Run:
     Raises:
         RecordingError: no such file, not a recording of payscope, or a damaged one.
     """
-    with _opened(path) as store:
-        manifest, provenance = _described(Path(path), store)
-        frames = {f.name: _read(store, f, f.columns) for f in manifest.frames}
+    with opened(path) as held:
+        manifest, provenance = held.manifest, held.provenance
+        frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
     lost = tuple(
         Loss(
             source=Path(path).name,
@@ -56,19 +57,8 @@ def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None
     Raises:
         RecordingError: as `read_recording`; and no such frame or column, with the choices.
     """
-    with _opened(path) as store:
-        manifest, _ = _described(Path(path), store)
-        stored = manifest.frame(name)
-        if stored is None:
-            hint = nearest(name, (frame.name for frame in manifest.frames))
-            raise RecordingError(f"{path}: no stage '{name}'; {hint}")
-        known = [column.name for column in stored.columns]
-        for column in columns or ():
-            if column not in known:
-                raise RecordingError(
-                    f"{path}: '{name}' has no '{column}'; {nearest(column, known)}"
-                )
-        return _read(store, stored, stored.columns if columns is None else stored.select(columns))
+    with opened(path) as held:
+        return held.read(name, columns)
 
 
 def read_provenance(path: str | Path) -> Provenance:
@@ -77,8 +67,8 @@ def read_provenance(path: str | Path) -> Provenance:
     Raises:
         RecordingError: as `read_recording`.
     """
-    with _opened(path) as store:
-        return _described(Path(path), store)[1]
+    with opened(path) as held:
+        return held.provenance
 
 
 def stages(path: str | Path) -> dict[str, tuple[str, ...]]:
@@ -87,14 +77,50 @@ def stages(path: str | Path) -> dict[str, tuple[str, ...]]:
     Raises:
         RecordingError: as `read_recording`.
     """
-    with _opened(path) as store:
-        manifest, _ = _described(Path(path), store)
-    return {frame.name: tuple(c.name for c in frame.columns) for frame in manifest.frames}
+    with opened(path) as held:
+        return held.stages
+
+
+@dataclass(frozen=True)
+class OpenRecording:
+    """A recording that is open: its description is read, its frames when they are asked for."""
+
+    path: Path
+    manifest: Manifest
+    provenance: Provenance
+    store: "LazyStore"
+
+    @property
+    def stages(self) -> dict[str, tuple[str, ...]]:
+        """The columns of each frame, by its name, in pipeline order."""
+        return {each.name: tuple(c.name for c in each.columns) for each in self.manifest.frames}
+
+    def read(self, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
+        """Read a frame, or some of its columns.
+
+        Raises:
+            RecordingError: no such frame or column, with the choices.
+        """
+        stored = self.manifest.frame(name)
+        if stored is None:
+            raise RecordingError(f"{self.path}: no stage '{name}'; {nearest(name, self.stages)}")
+        known = self.stages[name]
+        for column in columns or ():
+            if column not in known:
+                raise RecordingError(
+                    f"{self.path}: '{name}' has no '{column}'; {nearest(column, known)}"
+                )
+        wanted = stored.columns if columns is None else stored.select(columns)
+        return _read(self.store, stored, wanted)
 
 
 @contextmanager
-def _opened(path: str | Path) -> "Generator[LazyStore]":
-    """Open a recording; whatever Rerun says of a bad one becomes one line."""
+def opened(path: str | Path) -> "Generator[OpenRecording]":
+    """Open a recording; whatever Rerun says of a bad one becomes one line.
+
+    Raises:
+        RecordingError: as `read_recording`.
+    """
     path = Path(path)
     if not path.exists():
         raise RecordingError(f"{path}: no such recording; `payscope run` writes one")
@@ -110,7 +136,7 @@ def _opened(path: str | Path) -> "Generator[LazyStore]":
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
-        yield store
+        yield OpenRecording(path, *_described(path, store), store)
     except (RuntimeError, ValueError) as error:
         reason = str(error).splitlines()[0].removeprefix(f"Failed to read RRD file at {path}: ")
         raise RecordingError(

@@ -13,7 +13,7 @@ from estimators.errors import OutputError, RecordingError
 from recordings.blueprint import blueprint, text_entity
 from recordings.display import display_frames
 from recordings.output import check_output, whole_file
-from recordings.reader import FORMAT, PROPERTY, read_frame, read_provenance
+from recordings.reader import FORMAT, PROPERTY, opened
 from recordings.stored import Manifest, StoredFrame
 from recordings.table import ROW, SINCE_START, TIME
 from recordings.texts import recording_name, texts
@@ -134,11 +134,14 @@ def _batches(stored: StoredFrame, frame: pl.DataFrame, t0_ns: int) -> "Iterator[
 def _verify(run: Run, partial: Path, path: Path) -> None:
     """Read everything back, a frame at a time, and compare."""
     try:
-        if read_provenance(partial) != run.provenance:
-            raise OutputError(f"{path}: the provenance read back differs; it takes plain JSON only")
-        for name, frame in run.frames.items():
-            back = read_frame(partial, name)
-            if back.schema != frame.schema or not back.equals(frame):
-                raise OutputError(f"{path}: '{name}' read back differs, so nothing was kept")
+        with opened(partial) as held:
+            if held.provenance != run.provenance:
+                raise OutputError(
+                    f"{path}: the provenance read back differs; it takes plain JSON only"
+                )
+            for name, frame in run.frames.items():
+                back = held.read(name)
+                if back.schema != frame.schema or not back.equals(frame):
+                    raise OutputError(f"{path}: '{name}' read back differs, so nothing was kept")
     except RecordingError as error:
         raise OutputError(f"{path}: cannot be read back; is the disk full?") from error
