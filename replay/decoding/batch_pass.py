@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.decoding.columns import Columns
+from replay.decoding.direct import DirectFields
 from replay.decoding.one_pass import one_pass, room_for
 from replay.decoding.program import Program
-from replay.decoding.together import Together
 from replay.decoding.walk import FAULTS, Encoding, Messages, Noted, Outcome, no_template
 
 Bytes = NDArray[np.uint8]
@@ -39,7 +39,7 @@ class BatchPass:
     def __init__(
         self,
         program: Program,
-        together: Together,
+        direct: DirectFields,
         data: Bytes,
         begins: Ints,
         sizes: Ints,
@@ -50,7 +50,7 @@ class BatchPass:
 
         Args:
             program: of the messages' type and encoding.
-            together: the fields that are gathered on the way.
+            direct: the fields that are gathered on the way.
             data: (bytes,) what they lie in.
             begins: (n,) where each begins, behind its encapsulation.
             sizes: (n,) bytes of each from there on.
@@ -58,22 +58,22 @@ class BatchPass:
         """
         # a definition may say that messages are large, where the data has small ones only
         rows = int(np.count_nonzero(sizes >= program.least_bytes))
-        self._program, self._together, self._swap = program, together, swap
+        self._program, self._direct, self._swap = program, direct, swap
         self._messages = Messages(data, begins, sizes)
-        self._gathered = room_for(together.gathering, rows)
+        self._gathered = room_for(direct.gathering, rows)
         self._outcome = Outcome(np.empty(begins.size, np.int8), np.empty(begins.size, np.int64))
         self._room = room = np.full(program.nodes, min(rows * _ELEMENTS, int(sizes.sum())))
         room[0] = rows
         self._noted = _room_for_marks(program, room)
 
-    def run(self) -> None:
-        """Do it."""
+    def execute(self) -> None:
+        """Walk and gather; once more where there was too little memory for the marks."""
         program, wire = self._program, self._program.wire
         while True:
             one_pass(
                 self._messages, Encoding(wire.cdr, self._swap, wire.counted),
                 program.steps, self._noted, no_template(program.nodes),
-                self._together.gathering, self._gathered, self._outcome,
+                self._direct.gathering, self._gathered, self._outcome,
             )  # fmt: skip
             filled = self._noted.filled
             if (filled <= self._room).all():
@@ -88,7 +88,7 @@ class BatchPass:
         noted = tuple(marks[base : base + filled[node]] for node, base, _ in table)
         root, rows = self._program.root, int(filled[0])
         columns = Columns(
-            self._messages.data, self._swap, root, noted, rows, self._together, self._gathered
+            self._messages.data, self._swap, root, noted, rows, self._direct, self._gathered
         )
         whole = self._outcome.faults == 0
         if whole.all():

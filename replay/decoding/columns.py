@@ -19,13 +19,14 @@ from replay.decoding.arrays import (
     of_strings,
     of_values,
 )
-from replay.decoding.gather import DTYPES, find, numbers, runs, values, views
+from replay.decoding.direct import DirectFields
+from replay.decoding.gather import DTYPES, concatenated, find, numbers, values, views
 from replay.decoding.located import (
-    InBlock,
     Inline,
     InlineArray,
     InlineRecord,
     InlineValue,
+    InSpan,
     Located,
     Nested,
     Strided,
@@ -33,7 +34,6 @@ from replay.decoding.located import (
     Walked,
 )
 from replay.decoding.one_pass import Gathered
-from replay.decoding.together import Together
 from replay.decoding.wire import WIDTHS
 from replay.messages.fields import ALL, Field
 
@@ -72,24 +72,24 @@ class Columns:
     noted: tuple[Ints, ...]
     #: whole messages
     rows: int
-    together: Together
+    direct: DirectFields
     gathered: Gathered
     _found: dict[tuple[int, str], Ints] = field(default_factory=dict[tuple[int, str], Ints])
 
     def gathered_on_the_way(self) -> Iterator[Array]:
-        """Fields that the pass gathered, in the order of `Together.steps`."""
-        together, gathered = self.together, self.gathered
+        """Fields that the pass gathered, in the order of `DirectFields.steps`."""
+        direct, gathered = self.direct, self.gathered
         rows, room = self.rows, gathered.values.shape[1]
-        for (_, kind), bits in zip(together.values, gathered.values, strict=True):
+        for (_, kind), bits in zip(direct.values, gathered.values, strict=True):
             yield of_values(bits[:rows], kind)
         above = 0
-        sizes = together.gathering.array_bytes.tolist()
-        for (_, kind, length), size in zip(together.arrays, sizes, strict=True):
-            run = gathered.arrays[above : above + rows * size]
-            elements = of_elements(numbers(run, kind, swap=self.swap), kind)
+        sizes = direct.gathering.array_bytes.tolist()
+        for (_, kind, length), size in zip(direct.arrays, sizes, strict=True):
+            stored = gathered.arrays[above : above + rows * size]
+            elements = of_elements(numbers(stored, kind, swap=self.swap), kind)
             yield of_lists(np.full(rows, length), elements)
             above += room * size
-        for k, mark in enumerate(together.gathering.text_marks.tolist()):
+        for k, mark in enumerate(direct.gathering.text_marks.tolist()):
             if gathered.long_bytes[k]:
                 yield of_strings(*views(self.data, self.noted[mark], self.noted[mark + 1]))
             else:
@@ -106,8 +106,8 @@ class Columns:
             if step.element == ALL:
                 counts = self._counts(place)
                 spreads.append(counts)
-                if step is wanted.steps[-1] and _is_run(place):
-                    return _wrapped(self._run(place, counts), spreads)
+                if step is wanted.steps[-1] and _is_contiguous(place):
+                    return _wrapped(self._contiguous(place, counts), spreads)
                 place = self._spread(place, counts)
             elif isinstance(step.element, int):
                 place = self._pick(place, step.element)
@@ -124,7 +124,7 @@ class Columns:
             return replace(place, value=place.value.fields[name])
         assert isinstance(place.located, Nested)
         located = place.located.fields[name]
-        if isinstance(located, InBlock):
+        if isinstance(located, InSpan):
             return _Positions(located.value, self._noted(located.mark, place.chosen))
         return _Elements(located, place.chosen)
 
@@ -209,7 +209,7 @@ class Columns:
         found = self._found[names.mark, name]
         return found if place.chosen is None else np.append(found, -1)[place.chosen]
 
-    def _run(self, place: _Place, counts: Ints) -> Array:
+    def _contiguous(self, place: _Place, counts: Ints) -> Array:
         """The elements of lists of numbers, which follow one another in the data."""
         counts = np.maximum(counts, 0)
         if isinstance(place, _Positions):
@@ -222,8 +222,8 @@ class Columns:
             starts = self._noted(array.mark, place.chosen)
         assert isinstance(array.element, Inline)
         kind = array.element.kind
-        run = runs(self.data, starts, counts * DTYPES[kind].itemsize)
-        return of_elements(numbers(run, kind, swap=self.swap), kind)
+        stored = concatenated(self.data, starts, counts * DTYPES[kind].itemsize)
+        return of_elements(numbers(stored, kind, swap=self.swap), kind)
 
     def _values(self, place: _Place) -> Array:
         if isinstance(place, _Elements):
@@ -238,7 +238,7 @@ class Columns:
         return of_values(bits, value.kind, absent=place.at < 0)
 
 
-def _is_run(place: _Place) -> bool:
+def _is_contiguous(place: _Place) -> bool:
     array = place.value if isinstance(place, _Positions) else place.located
     return (
         isinstance(array, InlineArray | Strided)

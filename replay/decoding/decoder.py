@@ -9,7 +9,7 @@ import polars as pl
 from replay.messages.batch import RawBatch
 from replay.messages.fields import OWN_COLUMNS, Field
 
-#: Takes work, and gives what waits for its end.
+#: Starts work, and returns a function that waits until it is done.
 Submit: TypeAlias = Callable[[Callable[[], None]], Callable[[], object]]
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from replay.decoding.block import NoPlanError
 from replay.decoding.decoder import Decoder
 from replay.decoding.program import compile_program
+from replay.decoding.spans import NoPlanError
 from replay.decoding.wire import CDR
 from replay.messages.fields import Field
 from replay.messages.library import ROSBAGS

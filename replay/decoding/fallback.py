@@ -8,7 +8,7 @@ import polars as pl
 from replay.decoding.decoder import Decoded, Submit, schema_of
 from replay.messages.batch import RawBatch
 from replay.messages.broken import BrokenBytesError
-from replay.messages.fields import ALL, Field, Step
+from replay.messages.fields import ALL, Field, PathStep
 from replay.messages.library import Library
 from replay.messages.types import MessageType
 
@@ -46,7 +46,7 @@ class MessageByMessage:
         return (stamp, *(_value(library, message, f.steps, f.kind) for f in self._fields))
 
 
-def _value(library: Library, message: Any, steps: Sequence[Step], kind: str) -> Any:
+def _value(library: Library, message: Any, steps: Sequence[PathStep], kind: str) -> Any:
     for number, step in enumerate(steps, 1):
         value = library.get(message, step.name)
         if value is None:

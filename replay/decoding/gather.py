@@ -99,7 +99,7 @@ def _swapped8(value: int) -> int:
 
 @compiled
 def copy_equal(data: Bytes, positions: Ints, offset: int, size: int, out: Bytes) -> None:
-    """Copy runs of one size, one behind the other.
+    """Copy stretches of one size, one behind the other.
 
     Args:
         data: (bytes,) where they lie.
@@ -211,15 +211,15 @@ def views(data: Bytes, starts: Ints, sizes: Ints) -> tuple[NDArray[np.uint32], B
     return out, text
 
 
-def runs(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
-    """Runs of bytes, one behind the other."""
+def concatenated(data: Bytes, starts: Ints, sizes: Ints) -> Bytes:
+    """Concatenate stretches of bytes, of so many bytes each, at some starts."""
     out = np.empty(int(sizes.sum()), np.uint8)
     _copy(data, starts, sizes, out)
     return out
 
 
-def numbers(run: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
+def numbers(stored: Bytes, kind: str, *, swap: bool) -> NDArray[Any]:
     """Numbers of one kind, from their bytes."""
     dtype = DTYPES[kind]
-    bits = run.view(f"u{dtype.itemsize}")
+    bits = stored.view(f"u{dtype.itemsize}")
     return (bits.byteswap() if swap else bits).view(dtype)

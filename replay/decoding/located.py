@@ -2,7 +2,7 @@
 
 A *node* is a list whose elements are walked one by one; node 0 is the batch, its elements are the
 messages. A *mark* is a number that the walk notes for every element of a node: the position of a
-block, of a string, of a sequence. What lies at fixed distances from a mark needs none of its own.
+span, of a string, of a sequence. What lies at fixed distances from a mark needs none of its own.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, slots=True)
 class Inline:
-    """A number or a stamp, `offset` bytes behind the block that holds it."""
+    """A number or a stamp, `offset` bytes behind the span that holds it."""
 
     offset: int
     kind: str
@@ -19,14 +19,14 @@ class Inline:
 
 @dataclass(frozen=True, slots=True)
 class InlineRecord:
-    """A message that lies in a block as a whole."""
+    """A message that lies in a span as a whole."""
 
     fields: "dict[str, InlineValue]"
 
 
 @dataclass(frozen=True, slots=True)
 class InlineArray:
-    """An array in a block; `element` repeats every `stride` bytes."""
+    """An array in a span; `element` repeats every `stride` bytes."""
 
     offset: int
     length: int
@@ -35,8 +35,8 @@ class InlineArray:
 
 
 @dataclass(frozen=True, slots=True)
-class InBlock:
-    """Something in the block whose position is noted as `mark`."""
+class InSpan:
+    """Something in the span whose position is noted as `mark`."""
 
     mark: int
     value: "InlineValue"
@@ -75,4 +75,4 @@ class Nested:
 
 
 InlineValue: TypeAlias = Inline | InlineRecord | InlineArray
-Located: TypeAlias = InBlock | Text | Strided | Walked | Nested
+Located: TypeAlias = InSpan | Text | Strided | Walked | Nested

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.compiled import uncounted
+from replay.decoding.direct import Gathering
 from replay.decoding.gather import copy_equal, load, view
-from replay.decoding.together import Gathering
 from replay.decoding.walk import Encoding, Messages, Noted, Outcome, Template, walk
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
-_BLOCK_ROWS: Final = 1024
+_ROWS_AT_ONCE: Final = 1024
 
 
 class Gathered(NamedTuple):
@@ -75,9 +75,9 @@ def one_pass(
     """
     filled = noted.filled
     count = messages.begins.size
-    for first in range(0, count, _BLOCK_ROWS):
+    for first in range(0, count, _ROWS_AT_ONCE):
         row = filled[0]
-        end = min(first + _BLOCK_ROWS, count)
+        end = min(first + _ROWS_AT_ONCE, count)
         walk(messages, first, end, encoding, steps, noted, template, outcome)
         _gather(messages.data, noted, gathering, gathered, encoding.swap, row, filled[0])
 

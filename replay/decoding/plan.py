@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from replay.decoding.arrays import of_times
 from replay.decoding.batch_pass import BatchPass, WalkedBatch
 from replay.decoding.decoder import Decoded, Submit, at_once, schema_of
+from replay.decoding.direct import DirectFields, direct_fields
 from replay.decoding.program import Program, Wanted, compile_program
-from replay.decoding.together import Together, gathered_together
 from replay.decoding.walk import TOO_SHORT, encapsulations
 from replay.decoding.wire import ENCAPSULATIONS, REFUSED, ROS1, Wire
 from replay.messages.batch import RawBatch
 from replay.messages.fields import ALL, OWN_COLUMNS, Field, resolve
-from replay.messages.types import Record
+from replay.messages.types import RecordType
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +38,7 @@ class Plan:
         NoPlanError: the type has something that no plan can express.
     """
 
-    def __init__(self, record: Record, *, ros1: bool, fields: Sequence[Field]) -> None:
+    def __init__(self, record: RecordType, *, ros1: bool, fields: Sequence[Field]) -> None:
         self._fields = tuple(fields)
         self._stamp = resolve("header.stamp", record) if record.has_header else None
         wanted: Wanted = {}
@@ -96,20 +96,20 @@ class Plan:
     def _begin_part(self, batch: RawBatch, kind: int, submit: Submit) -> Callable[[], _Part]:
         """Begin to decode messages of one encapsulation."""
         wire = self._wires[kind]
-        program, together, places = self._programs[wire]
-        walk = BatchPass(
+        program, direct, places = self._programs[wire]
+        batch_pass = BatchPass(
             program,
-            together,
+            direct,
             batch.data,
             batch.offsets + wire.head,
             batch.lengths - wire.head,
             swap=wire.cdr and kind % 2 == 0,
         )
-        wait = submit(walk.run)
+        wait = submit(batch_pass.execute)
 
         def finish() -> _Part:
             wait()
-            return self._part(walk.result(), places, batch.log_times)
+            return self._part(batch_pass.result(), places, batch.log_times)
 
         return finish
 
@@ -132,11 +132,11 @@ class Plan:
 
 def _compiled(
     program: Program, fields: tuple[Field, ...]
-) -> tuple[Program, Together, tuple[int | None, ...]]:
+) -> tuple[Program, DirectFields, tuple[int | None, ...]]:
     """A program, what it gathers on the way, and where each of the fields is among that."""
-    together = gathered_together(program.root, fields)
-    places = {steps: place for place, steps in enumerate(together.steps)}
-    return program, together, tuple(places.get(field.steps) for field in fields)
+    direct = direct_fields(program.root, fields)
+    places = {steps: place for place, steps in enumerate(direct.steps)}
+    return program, direct, tuple(places.get(field.steps) for field in fields)
 
 
 def _want(wanted: Wanted, field: Field) -> None:

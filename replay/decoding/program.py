@@ -11,9 +11,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.decoding.block import (
-    Block,
+from replay.decoding.located import InSpan, Located, Nested, Strided, Text, Walked
+from replay.decoding.spans import (
     NoPlanError,
+    Span,
     first_alignment,
     fixed_size,
     is_delimited,
@@ -22,9 +23,8 @@ from replay.decoding.block import (
     smallest_size,
     stride_of,
 )
-from replay.decoding.located import InBlock, Located, Nested, Strided, Text, Walked
 from replay.decoding.wire import Wire
-from replay.messages.types import FieldType, ListOf, Record, Scalar
+from replay.messages.types import FieldType, ListOf, RecordType, Scalar
 
 #: Fields asked for, as a tree: by name, with the lists' elements left out. Empty for a leaf.
 Wanted: TypeAlias = dict[str, "Wanted"]
@@ -33,7 +33,7 @@ Wanted: TypeAlias = dict[str, "Wanted"]
 class Op(IntEnum):
     """What a step does."""
 
-    BLOCK = 0
+    SPAN = 0
     TEXT = 1
     #: a list whose elements have one size
     STRIDED = 2
@@ -42,12 +42,12 @@ class Op(IntEnum):
     NEXT = 4
 
 
-class Column(IntEnum):
+class Operand(IntEnum):
     """What stands in a column of `Program.steps`. Nothing noted, or no node, is -1."""
 
     OP = 0
     ALIGNMENT = 1
-    #: of a block, or of one element of a list at least
+    #: of a span, or of one element of a list at least
     SIZE = 2
     STRIDE = 3
     #: of a list's elements, -1 where the message says it
@@ -76,7 +76,7 @@ class Program:
     root: Nested
 
 
-def compile_program(record: Record, wanted: Wanted, wire: Wire) -> Program:
+def compile_program(record: RecordType, wanted: Wanted, wire: Wire) -> Program:
     """Compile a definition.
 
     Raises:
@@ -85,7 +85,7 @@ def compile_program(record: Record, wanted: Wanted, wire: Wire) -> Program:
     least_bytes = smallest_size(record, wire)
     compiler = _Compiler(wire)
     root = compiler.record(record, wanted)
-    steps = np.array(compiler.steps, np.int64).reshape(-1, len(Column))
+    steps = np.array(compiler.steps, np.int64).reshape(-1, len(Operand))
     return Program(
         wire,
         steps,
@@ -107,10 +107,10 @@ class _Compiler:
     node: int = 0
     depth: int = 0
     most_depth: int = 0
-    #: the last step's block, while more can be appended to it
-    block: Block | None = None
+    #: the last step's span, while more can be appended to it
+    span: Span | None = None
 
-    def record(self, record: Record, wanted: Wanted | None) -> Nested:
+    def record(self, record: RecordType, wanted: Wanted | None) -> Nested:
         """Compile the fields of a message."""
         fields: dict[str, Located] = {}
         for name, kind in members(record, self.wire):
@@ -120,46 +120,46 @@ class _Compiler:
         return Nested(fields)
 
     def _field(self, kind: FieldType, wanted: Wanted | None) -> Located | None:
-        if isinstance(kind, Record):
+        if isinstance(kind, RecordType):
             return self.record(kind, wanted)
         if kind == Scalar("string"):
             self._step(Op.TEXT)
             return None if wanted is None else Text(self._note(2))
         if fixed_size(kind, self.wire) is not None:
-            return self._in_block(kind, wanted)
+            return self._in_span(kind, wanted)
         assert isinstance(kind, ListOf), "what is no list and no string is fixed"
         return self._list(kind, wanted)
 
-    def _in_block(self, kind: FieldType, wanted: Wanted | None) -> InBlock | None:
-        """A number or an array of a fixed size: in the open block, or else in a new one."""
-        value = None if self.block is None else place_in(self.block, kind, self.wire)
+    def _in_span(self, kind: FieldType, wanted: Wanted | None) -> InSpan | None:
+        """A number or an array of a fixed size: in the open span, or else in a new one."""
+        value = None if self.span is None else place_in(self.span, kind, self.wire)
         if value is None:
             # the first byte of a message is aligned to everything
             alignment = first_alignment(kind, self.wire) if self.steps else self.wire.max_alignment
-            block = Block(alignment)
-            value = place_in(block, kind, self.wire)
+            span = Span(alignment)
+            value = place_in(span, kind, self.wire)
             assert value is not None
-            self._step(Op.BLOCK, alignment=alignment)
-            self.block = block
-        assert self.block is not None
-        self.steps[-1][Column.SIZE] = self.block.size
-        return None if wanted is None else InBlock(self._note(1), value)
+            self._step(Op.SPAN, alignment=alignment)
+            self.span = span
+        assert self.span is not None
+        self.steps[-1][Operand.SIZE] = self.span.size
+        return None if wanted is None else InSpan(self._note(1), value)
 
     def _list(self, kind: ListOf, wanted: Wanted | None) -> Located | None:
         if kind.length == 0:
             # rosbags pads before it; and lists of what takes no bytes would be walked without bound
             raise NoPlanError("no plan for an array of length 0 whose elements vary in size")
         if is_delimited(kind, self.wire):
-            self._in_block(Scalar("uint32"), None)
+            self._in_span(Scalar("uint32"), None)
         least = smallest_size(kind.element, self.wire)
         length = -1 if kind.length is None else kind.length
         fixed = fixed_size(kind.element, self.wire)
         if fixed is None:
             return self._walked(kind.element, length, least, wanted)
-        # arrays of a fixed size lie in blocks
+        # arrays of a fixed size lie in spans
         assert kind.length is None
         if not least:
-            return self._in_block(Scalar("uint32"), None)
+            return self._in_span(Scalar("uint32"), None)
         one, value = fixed
         stride = stride_of(one)
         self._step(Op.STRIDED, alignment=one.alignment, size=one.size, stride=stride)
@@ -176,7 +176,7 @@ class _Compiler:
         self.most_depth = max(self.depth, self.most_depth)
         located = self._field(element, wanted)
         end = self._step(Op.NEXT, jump=head + 1)
-        self.steps[head][Column.JUMP] = end + 1
+        self.steps[head][Operand.JUMP] = end + 1
         self.depth -= 1
         inner, self.node = self.node, above
         if wanted is None or located is None:
@@ -193,15 +193,15 @@ class _Compiler:
         length: int = -1,
         jump: int = -1,
     ) -> int:
-        """Append a step; it ends the open block."""
-        self.block = None
+        """Append a step; it ends the open span."""
+        self.span = None
         self.steps.append([op, alignment, size, stride, length, -1, self.node, jump])
         return len(self.steps) - 1
 
     def _note(self, count: int) -> int:
         """The first mark of the last step, which notes so many."""
         step = self.steps[-1]
-        if step[Column.MARK] < 0:
-            step[Column.MARK] = len(self.mark_nodes)
+        if step[Operand.MARK] < 0:
+            step[Operand.MARK] = len(self.mark_nodes)
             self.mark_nodes += [self.node] * count
-        return step[Column.MARK]
+        return step[Operand.MARK]

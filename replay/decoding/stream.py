@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from replay.decoding.decoder import Decoded, Decoder, Submit, Tally, at_once
-from replay.decoding.gather import runs
+from replay.decoding.gather import concatenated
 from replay.messages.batch import BATCH_BYTES, BATCH_ROWS, RawBatch
 
 #: With fewer messages, what a batch costs by itself is more than copying them into a larger one.
@@ -104,7 +104,7 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) ->
 
 def _copied(batch: RawBatch) -> RawBatch:
     """Its messages alone, since a container may use the memory again."""
-    data = runs(batch.data, batch.offsets, batch.lengths)
+    data = concatenated(batch.data, batch.offsets, batch.lengths)
     offsets = np.cumsum(batch.lengths) - batch.lengths
     return RawBatch(
         batch.connection_id, data, offsets, batch.lengths.copy(), batch.log_times.copy()

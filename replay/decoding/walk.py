@@ -19,15 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.compiled import compiled, inlined, uncounted
-from replay.decoding.program import Column, Op
+from replay.decoding.program import Op, Operand
 from replay.decoding.unaligned import fetch, load32, load64
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
 # plain integers: numba freezes them into the machine code
-_BLOCK, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
-(_OP, _ALIGNMENT, _SIZE, _STRIDE, _LENGTH, _MARK, _NODE, _JUMP) = (int(c) for c in Column)
+_SPAN, _TEXT, _STRIDED, _LIST, _NEXT = (int(op) for op in Op)
+(_OP, _ALIGNMENT, _SIZE, _STRIDE, _LENGTH, _MARK, _NODE, _JUMP) = (int(c) for c in Operand)
 
 #: What can be wrong with a message, by the number that the walk gives.
 FAULTS: Final = (
@@ -324,7 +324,7 @@ def _read(
     op = steps[step, _OP]
     if op == _NEXT:
         return -1, -1, at, at, at, 0
-    if op == _BLOCK:
+    if op == _SPAN:
         alignment = steps[step, _ALIGNMENT]
         at = (at + alignment - 1) & -alignment
         if steps[step, _SIZE] > size - at:

@@ -11,7 +11,7 @@ from replay.messages.types import (
     COLUMN_DTYPES,
     ELEMENT_DTYPES,
     ListOf,
-    Record,
+    RecordType,
     Scalar,
     leaves,
 )
@@ -28,7 +28,7 @@ class FieldError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class PathStep:
     """From a message to one of its fields, or to elements of a list in it.
 
     `element` is None for the field itself, an index, a name that the message's `name` list holds
@@ -45,7 +45,7 @@ class Field:
 
     name: str
     kind: str
-    steps: tuple[Step, ...]
+    steps: tuple[PathStep, ...]
 
     @property
     def dtype(self) -> pl.DataType:
@@ -57,7 +57,7 @@ class Field:
         return dtype
 
 
-def resolve(name: str, record: Record) -> Field:
+def resolve(name: str, record: RecordType) -> Field:
     """Find a field of a message type.
 
     Args:
@@ -73,26 +73,26 @@ def resolve(name: str, record: Record) -> Field:
     here = Scalar("") if not steps else record
     walked = ""
     for step in steps:
-        kind = here.get(step.name) if isinstance(here, Record) else None
+        kind = here.get(step.name) if isinstance(here, RecordType) else None
         if kind is None:
             raise FieldError(f"no field {name!r}; {nearest(name, leaves(record))}")
         walked = f"{walked}.{step.name}".lstrip(".")
         if isinstance(kind, ListOf):
-            assert isinstance(here, Record)
+            assert isinstance(here, RecordType)
             _check_element(walked, step, kind, here)
             kind = kind.element
         elif step.element is not None:
             raise FieldError(f"'{walked}' is no list; ask for it without [{step.element}]")
         walked += "" if step.element is None else f"[{step.element}]"
         here = kind
-    if isinstance(here, Record):
+    if isinstance(here, RecordType):
         inside = ", ".join(f"{walked}.{leaf}" for leaf in leaves(here))
         raise FieldError(f"'{name}' is a {here.name}; name one of {inside}")
     return Field(name, here.kind, steps)
 
 
-def _parse(name: str) -> tuple[Step, ...]:
-    steps: list[Step] = []
+def _parse(name: str) -> tuple[PathStep, ...]:
+    steps: list[PathStep] = []
     at = 0
     while at < len(name) or not steps:
         match = _STEP.match(name, at)
@@ -100,7 +100,7 @@ def _parse(name: str) -> tuple[Step, ...]:
             raise FieldError(
                 f"{name!r} is no field name; write angular_velocity.z, covariance[0], effort[left]"
             )
-        steps.append(Step(match["name"], _element(match["element"])))
+        steps.append(PathStep(match["name"], _element(match["element"])))
         at = match.end()
     return tuple(steps)
 
@@ -112,7 +112,7 @@ def _element(text: str | None) -> int | str | None:
     return int(text) if len(text) < 19 else 2**63 - 1
 
 
-def _check_element(walked: str, step: Step, kind: ListOf, parent: Record) -> None:
+def _check_element(walked: str, step: PathStep, kind: ListOf, parent: RecordType) -> None:
     by_name = f" or by name, {walked}[NAME]" if parent.has_names else ""
     if step.element is None:
         raise FieldError(f"'{walked}' is a list; pick an element by index, {walked}[0]{by_name}")

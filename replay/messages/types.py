@@ -53,12 +53,12 @@ class Scalar:
 class ListOf:
     """A list of scalars or messages; `length` is None where it varies."""
 
-    element: "Scalar | Record"
+    element: "Scalar | RecordType"
     length: int | None
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class RecordType:
     """A message type: its fields in order."""
 
     name: str
@@ -73,7 +73,7 @@ class Record:
         """Whether its messages carry a header stamp."""
         header = self.get("header")
         return (
-            isinstance(header, Record)
+            isinstance(header, RecordType)
             and header.name == HEADER_TYPE
             and header.get("stamp") == Scalar("stamp")
         )
@@ -84,28 +84,28 @@ class Record:
         return self.get("name") == ListOf(Scalar("string"), None)
 
 
-FieldType = Scalar | ListOf | Record
+FieldType = Scalar | ListOf | RecordType
 
 
 @dataclass(frozen=True, slots=True)
 class MessageType:
     """How one topic's messages look, and what turns the stored bytes into an object of them."""
 
-    record: Record
+    record: RecordType
     ros1: bool
     decode: Callable[[bytes], Any]
     #: whose objects `decode` gives
     library: Library = ROSBAGS
 
 
-def leaves(record: Record, prefix: str = "") -> Iterator[str]:
+def leaves(record: RecordType, prefix: str = "") -> Iterator[str]:
     """Dotted names of everything that can be a column; a list shows as `effort[]`."""
     for name, kind in record.fields:
         path = f"{prefix}{name}"
         if isinstance(kind, ListOf):
             path = f"{path}[]"
         inner = kind.element if isinstance(kind, ListOf) else kind
-        if isinstance(inner, Record):
+        if isinstance(inner, RecordType):
             yield from leaves(inner, f"{path}.")
         else:
             yield path

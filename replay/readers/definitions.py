@@ -30,7 +30,7 @@ from replay.messages.types import (
     FieldType,
     ListOf,
     MessageType,
-    Record,
+    RecordType,
     Scalar,
 )
 from replay.readers.storage import Connection
@@ -164,7 +164,7 @@ class _Records:
         self._byte = Scalar("int8" if ros1 else "uint8")
         self._left = _MOST_FIELDS
 
-    def record(self, name: str, above: tuple[str, ...] = (), repeated: int = 1) -> Record:
+    def record(self, name: str, above: tuple[str, ...] = (), repeated: int = 1) -> RecordType:
         if name in above:
             raise DefinitionError(f"the definition of {name} contains itself")
         if name not in self._store.fielddefs:
@@ -179,7 +179,7 @@ class _Records:
                 raise DefinitionError(f"{within[0]} has more than {_MOST_FIELDS} fields")
             if field != _PLACEHOLDER:
                 fields.append((field, self._field(description, within, repeated)))
-        return Record(name, tuple(fields))
+        return RecordType(name, tuple(fields))
 
     def _field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
         node, detail = description

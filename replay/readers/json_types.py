@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from replay.messages.broken import BrokenBytesError
 from replay.messages.library import CONVERT, Library, int64
-from replay.messages.types import FieldType, ListOf, MessageType, Record, Scalar
+from replay.messages.types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
     "number": "float64",
@@ -32,9 +32,9 @@ def json_type(name: str, schema: str) -> MessageType:
     """
     root = _parsed(schema or "{}")
     record = _Schema(root).field(root, 0)
-    if not isinstance(record, Record) or not record.fields:
+    if not isinstance(record, RecordType) or not record.fields:
         raise BrokenBytesError("its JSON schema lists no properties")
-    return MessageType(Record(name, record.fields), ros1=False, decode=_decode, library=JSON)
+    return MessageType(RecordType(name, record.fields), ros1=False, decode=_decode, library=JSON)
 
 
 def _parsed(text: str | bytes) -> Any:
@@ -72,7 +72,7 @@ class _Schema:
         if set(properties) in _STAMPS:
             return Scalar("stamp")
         fields = ((_text(name), self.field(inner, depth + 1)) for name, inner in properties.items())
-        return Record(
+        return RecordType(
             str(schema.get("title", "object")),
             tuple((name, kind) for name, kind in fields if kind is not None),
         )

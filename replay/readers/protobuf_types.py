@@ -10,7 +10,7 @@ from google.protobuf.message_factory import GetMessageClass
 
 from replay.messages.broken import BrokenBytesError
 from replay.messages.library import Library, int64
-from replay.messages.types import FieldType, ListOf, MessageType, Record, Scalar
+from replay.messages.types import FieldType, ListOf, MessageType, RecordType, Scalar
 
 _KINDS: Final = {
     FieldDescriptor.CPPTYPE_DOUBLE: "float64",
@@ -83,11 +83,11 @@ class _Types:
     def __init__(self) -> None:
         self._left = _MOST_FIELDS
 
-    def record(self, descriptor: Descriptor, above: tuple[str, ...]) -> Record:
+    def record(self, descriptor: Descriptor, above: tuple[str, ...]) -> RecordType:
         """A message type; fields that contain it again, and maps, are left out."""
         within = (*above, descriptor.full_name)
         fields = ((field.name, self._field(field, within)) for field in descriptor.fields)
-        return Record(
+        return RecordType(
             descriptor.full_name, tuple((name, kind) for name, kind in fields if kind is not None)
         )
 

@@ -22,7 +22,7 @@ from replay.decoding.plan import Plan
 from replay.decoding.unaligned import load64
 from replay.messages.batch import RawBatch
 from replay.messages.fields import resolve
-from replay.messages.types import Record, Scalar
+from replay.messages.types import RecordType, Scalar
 from replay.readers.bag import grammar as bag_grammar
 from replay.readers.blocks.slabs import Grammar, SlabIndex
 from replay.readers.mcap import grammar as mcap_grammar
@@ -105,7 +105,7 @@ def _decoding(encoding: str) -> Callable[[], None]:
 
 def text() -> None:
     """Characters of several bytes that the end of their message cuts."""
-    record = Record("t/msg/Label", (("label", Scalar("string")),))
+    record = RecordType("t/msg/Label", (("label", Scalar("string")),))
     plan = Plan(record, ros1=True, fields=[resolve("label", record)])
     for character in ("é", "€", "🚜"):
         for before in range(9):

@@ -13,7 +13,7 @@ _SMALLEST_WINDOW: Final = 65_536
 
 
 class LooseRecords:
-    """Takes what stands between chunks into a store, as blocks of bounded size."""
+    """Adds records outside chunks to a store, as blocks of bounded size."""
 
     def __init__(self, store: BlockStore) -> None:
         self._store = store
@@ -46,7 +46,7 @@ _LONGEST: Final = 8 * 2**20
 
 
 def resync(file: FileBytes, damaged: int, find: Find) -> int | None:
-    """The offset behind `damaged` at which records go on; None where they do not."""
+    """Resynchronise: find the offset behind damage at which records go on, None where none do."""
     at, size = damaged + 1, _SHORTEST
     while at < file.size:
         data = np.frombuffer(file.read(at, size), np.uint8)

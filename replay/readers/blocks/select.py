@@ -18,7 +18,7 @@ _INT64_MAX: Final = 2**63 - 1
 def select(
     data: NDArray[np.uint8], rows: Ints, wanted: Ints, first: int, last: int
 ) -> Iterator[RawBatch]:
-    """A batch for each connection that has messages in a slab, in their order.
+    """Select messages of a slab: a batch for each connection that has some, in their order.
 
     Args:
         data: (bytes,) of the slab.
@@ -44,7 +44,8 @@ def _part(rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: In
 
     Args:
         rows: (4, n) records.
-        owners: (n,) whose each is, -1 where nobody wants it; those of other times become that.
+        owners: (n,) index of the requested connection of each message, or -1 if not requested;
+            out: -1 also for messages outside the interval.
         first: the first log time.
         last: the last.
         ends: (connections,) in: zeros; out: where the messages of each end in `found`.
@@ -71,7 +72,7 @@ def _part(rows: Ints, owners: Ints, first: int, last: int, ends: Ints, found: In
 
 
 def key_index(found: Ints, keys: Ints) -> Ints:
-    """The place of each of `found` (n,) in `keys`, which ascend; -1 for one not among them."""
+    """Index each of `found` (n,) in `keys`, which ascend; -1 for one that is not among them."""
     places = np.empty(found.size, np.int64)
     _search(found, keys, places)
     return places
@@ -98,7 +99,7 @@ def _search(found: Ints, keys: Ints, places: Ints) -> None:
 
 
 class Tally(NamedTuple):
-    """Of one block."""
+    """What a block holds."""
 
     #: by connection, in the order of the keys that were asked for; then those of all others
     counts: list[int]
@@ -110,7 +111,7 @@ class Tally(NamedTuple):
 
 
 def chunk_stats(slab: Slab, keys: Ints) -> list[Tally]:
-    """A tally for each of `slab.parts`; `keys` (connections,) ascend."""
+    """Count what each of `slab.parts` holds; `keys` (connections,) ascend."""
     bounds = np.array([part[1:3] for part in slab.parts], np.int64).reshape(-1, 2)
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
     spans = np.tile(np.array([_INT64_MAX, -1, 0]), (len(bounds), 1))

@@ -144,7 +144,7 @@ def _groups(blocks: Iterable[Block]) -> Iterator[list[Block]]:
 def _load(
     file: FileBytes, blocks: list[Block], grammar: Grammar, recycled: NDArray[np.uint8] | None
 ) -> Slab:
-    """What a worker does."""
+    """Unpack and scan the blocks of one slab, in a worker."""
     damaged: list[tuple[Block, str]] = []
     parts: list[tuple[Block, int, int, int]] = []
     try:

@@ -38,7 +38,7 @@ class Chains:
     def join(
         self,
         data: NDArray[np.uint8],
-        runs: PageRanges,
+        ranges: PageRanges,
         rows: NDArray[np.int64],
         spills: NDArray[np.int64],
         count: int,
@@ -47,13 +47,13 @@ class Chains:
 
         Args:
             data: holds leaves, other pages that were read with them, and room.
-            runs: which pages those are.
+            ranges: which pages those are.
             rows: (5, n) of `scan_leaves`.
             spills: (5, m) likewise.
             count: how many there are of these.
         """
-        order = np.argsort(runs.first, kind="stable")
-        at_hand = np.stack([each[order] for each in runs])
+        order = np.argsort(ranges.first, kind="stable")
+        at_hand = np.stack([each[order] for each in ranges])
         state = np.array([0, 0, 0, 0, self._used], np.int64)
         while _join(
             data, at_hand, self._near_bytes, self._near, self._layout, rows, spills, count, state
@@ -81,10 +81,10 @@ class Chains:
 @compiled
 def _find(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
     """Where a page is in the data, -1 where not."""
-    run = np.searchsorted(at_hand[0], page, side="right") - 1
-    if run < 0 or page >= at_hand[0, run] + at_hand[1, run]:
+    found = np.searchsorted(at_hand[0], page, side="right") - 1
+    if found < 0 or page >= at_hand[0, found] + at_hand[1, found]:
         return -1
-    return at_hand[2, run] + (page - at_hand[0, run]) * page_bytes
+    return at_hand[2, found] + (page - at_hand[0, found]) * page_bytes
 
 
 @compiled

@@ -55,8 +55,8 @@ def _below(
     data = np.empty(max(_STEP_BYTES, layout.page_bytes), np.uint8)
     done = 0
     while done < level.size:
-        runs, slots = page_ranges(level[done:], layout.page_bytes, data.size)
-        if not read_ranges(file, runs, layout.page_bytes, data):
+        ranges, slots = page_ranges(level[done:], layout.page_bytes, data.size)
+        if not read_ranges(file, ranges, layout.page_bytes, data):
             return None
         # a page holds fewer than its bytes
         children = np.empty(slots.size * (layout.page_bytes // 6 + 1), np.uint32)
@@ -100,7 +100,7 @@ _MOST_BETWEEN: Final = 65_536
 
 
 class PageRanges(NamedTuple):
-    """LooseRecords of pages, (runs,) each: the first page of each, how many, and where they go."""
+    """Ranges of pages, (ranges,) each: the first page of each, how many, and where they go."""
 
     first: NDArray[np.int64]
     pages: NDArray[np.int64]
@@ -110,7 +110,7 @@ class PageRanges(NamedTuple):
 def page_ranges(
     pages: NDArray[np.uint32], page_bytes: int, room: int
 ) -> tuple[PageRanges, NDArray[np.int64]]:
-    """LooseRecords that hold `pages`, or as many of them as there is room for, at least one.
+    """Find ranges that hold `pages`, or as many of them as there is room for, at least one.
 
     Returns:
         The stretches, and (n,) where each of the first n pages will begin.
@@ -123,17 +123,17 @@ def page_ranges(
     numbers, slot = numbers[:count], slot[:count]
     starts = np.concatenate([[0], np.flatnonzero(apart[: count - 1]) + 1])
     ends = np.concatenate([starts[1:], [count]]) - 1
-    runs = PageRanges(
+    ranges = PageRanges(
         numbers[starts], numbers[ends] - numbers[starts] + 1, slot[starts] * page_bytes
     )
-    return runs, slot * page_bytes
+    return ranges, slot * page_bytes
 
 
 def read_ranges(
-    file: FileBytes, runs: PageRanges, page_bytes: int, target: NDArray[np.uint8]
+    file: FileBytes, ranges: PageRanges, page_bytes: int, target: NDArray[np.uint8]
 ) -> bool:
-    """Read stretches to where they go in `target`; whether the file has all of them."""
-    for first, pages, begin in zip(*(each.tolist() for each in runs), strict=True):
+    """Read ranges of pages to their places in `target`; whether the file has all of them."""
+    for first, pages, begin in zip(*(each.tolist() for each in ranges), strict=True):
         part = target[begin : begin + pages * page_bytes]
         if file.read_into((first - 1) * page_bytes, part) < part.size:
             return False

@@ -98,10 +98,10 @@ class PageWalk:
     def _read(self, leaves: NDArray[np.uint32], memory: _Memory) -> tuple[TableRows, bool]:
         """Rows from some leaves on, and whether what follows is usual."""
         size = self._layout.page_bytes
-        runs, slots = page_ranges(leaves, size, _LEAF_BYTES)
-        if not read_ranges(self._file, runs, size, memory.data):
+        ranges, slots = page_ranges(leaves, size, _LEAF_BYTES)
+        if not read_ranges(self._file, ranges, size, memory.data):
             raise OSError("the file became shorter")
-        tail = int(runs.begin[-1] + runs.pages[-1] * size)
+        tail = int(ranges.begin[-1] + ranges.pages[-1] * size)
         self._state[AT_LEAF] = 0
         found, spilled, joined_bytes, is_usual = scan_leaves(
             memory.data,
@@ -120,7 +120,7 @@ class PageWalk:
             if tail + joined_bytes > data.size:
                 data = np.empty(tail + joined_bytes, np.uint8)
                 data[:tail] = memory.data[:tail]
-            self._chains.join(data, runs, memory.rows, self._spills, spilled)
+            self._chains.join(data, ranges, memory.rows, self._spills, spilled)
             rows = self._without_torn(rows, self._spills[:, :spilled])
         return TableRows(data, rows), is_usual
 

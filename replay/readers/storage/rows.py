@@ -1,4 +1,4 @@
-"""Messages as containers find them: rows of a table of numbers, grouped by key, made ahead."""
+"""Rows of messages: a table of numbers that containers fill, group by connection and prefetch."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +15,7 @@ KEY, TIME, OFFSET, LENGTH = range(4)
 
 
 def group_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Which of `keys` (n,) are which connection, in their order; negative ones are none."""
+    """Group rows by connection: each key of `keys` (n,) but for negative ones, with its rows."""
     order = np.argsort(keys, kind="stable")
     ordered = keys[order]
     bounds = [*np.flatnonzero(np.diff(ordered)) + 1, ordered.size]
@@ -26,10 +26,10 @@ def group_by_key(keys: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.intp
             begin = end
 
 
-def prefetch(steps: Iterator[T]) -> Iterator[T]:
-    """The same steps, the next of which is made in another thread while one is worked on."""
-    with ThreadPoolExecutor(1, thread_name_prefix="payscope-ahead") as pool:
-        following = pool.submit(next, steps, None)
-        while (step := following.result()) is not None:
-            following = pool.submit(next, steps, None)
-            yield step
+def prefetch(items: Iterator[T]) -> Iterator[T]:
+    """Prefetch: run the producer of items one item ahead of the consumer, in another thread."""
+    with ThreadPoolExecutor(1, thread_name_prefix="payscope-prefetch") as pool:
+        following = pool.submit(next, items, None)
+        while (item := following.result()) is not None:
+            following = pool.submit(next, items, None)
+            yield item

@@ -15,7 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from replay.messages.batch import RawBatch, joined
 from replay.messages.fields import ALL
-from replay.messages.types import FieldType, ListOf, MessageType, Record
+from replay.messages.types import FieldType, ListOf, MessageType, RecordType
 from replay.readers.definitions import compile_type
 from replay.readers.storage.container import Connection
 
@@ -178,7 +178,7 @@ def _random_scalar(kind: str, rng: Random, *, named: bool) -> Any:
     return rng.choice([dtype.min, dtype.max, rng.randrange(int(dtype.min), int(dtype.max) + 1)])
 
 
-def every_field(record: Record) -> Iterator[str]:
+def every_field(record: RecordType) -> Iterator[str]:
     """Every value of a message: leaves of it, of whole lists, and of elements by index and name."""
     for name, kind in record.fields:
         if isinstance(kind, ListOf):
@@ -191,7 +191,7 @@ def every_field(record: Record) -> Iterator[str]:
 
 
 def _leaves(path: str, kind: FieldType) -> Iterator[str]:
-    if isinstance(kind, Record):
+    if isinstance(kind, RecordType):
         yield from (f"{path}.{leaf}" for leaf in every_field(kind))
     else:
         yield path

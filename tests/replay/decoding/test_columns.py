@@ -8,12 +8,12 @@ import pytest
 
 from replay.decoding.plan import Plan
 from replay.messages.fields import resolve
-from replay.messages.types import ListOf, Record, Scalar
+from replay.messages.types import ListOf, RecordType, Scalar
 from tests.replay.decoding.random_types import batch_of
 
-POINT = Record("t/msg/Point", (("x", Scalar("int16")), ("y", Scalar("uint8"))))
-PATH = Record("t/msg/Path", (("frame", Scalar("string")), ("points", ListOf(POINT, None))))
-SURVEY = Record(
+POINT = RecordType("t/msg/Point", (("x", Scalar("int16")), ("y", Scalar("uint8"))))
+PATH = RecordType("t/msg/Path", (("frame", Scalar("string")), ("points", ListOf(POINT, None))))
+SURVEY = RecordType(
     "t/msg/Survey",
     (
         ("paths", ListOf(PATH, None)),

@@ -10,23 +10,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.decoding.block import NoPlanError
 from replay.decoding.fallback import MessageByMessage
 from replay.decoding.plan import Plan
+from replay.decoding.spans import NoPlanError
 from replay.messages.batch import RawBatch
 from replay.messages.fields import resolve
-from replay.messages.types import ListOf, Record, Scalar
+from replay.messages.types import ListOf, RecordType, Scalar
 from tests.replay.decoding.random_types import Sample, Types, batch_of, types
 from tests.replay.decoding.test_equality import RANDOM_TYPES, fields_of, same
 
 ENCODINGS = ("cdr_le", "cdr_be", "ros1")
-JOINTS = Record(
+JOINTS = RecordType(
     "t/msg/Joints",
     (
         ("label", Scalar("string")),
         ("name", ListOf(Scalar("string"), None)),
         ("effort", ListOf(Scalar("float64"), None)),
-        ("poses", ListOf(Record("t/msg/Pose", (("frame", Scalar("string")),)), None)),
+        ("poses", ListOf(RecordType("t/msg/Pose", (("frame", Scalar("string")),)), None)),
     ),
 )
 
@@ -132,7 +132,9 @@ def test_a_length_beyond_the_end_of_its_message_is_refused_and_takes_no_memory(
 
 @pytest.mark.parametrize("kind", ["float64", "string"])
 def test_a_definition_of_large_messages_takes_no_memory_for_small_ones(kind: str) -> None:
-    record = Record("t/msg/Large", (("all", ListOf(Scalar(kind), 2**26)), ("id", Scalar("int8"))))
+    record = RecordType(
+        "t/msg/Large", (("all", ListOf(Scalar(kind), 2**26)), ("id", Scalar("int8")))
+    )
     fields = [resolve(name, record) for name in ("all[]", "id")]
     plan = Plan(record, ros1=True, fields=fields)
     batch = batch_of([b"some"] * 1000)
@@ -146,7 +148,7 @@ def test_a_definition_of_large_messages_takes_no_memory_for_small_ones(kind: str
 
 
 def test_messages_of_the_least_size_are_whole_beside_smaller_ones() -> None:
-    record = Record("t/msg/Pair", (("label", Scalar("string")), ("id", Scalar("int8"))))
+    record = RecordType("t/msg/Pair", (("label", Scalar("string")), ("id", Scalar("int8"))))
     plan = Plan(record, ros1=True, fields=[resolve(n, record) for n in ("label", "id")])
     stored = [_text(b"") + b"\7", b"", _text(b"a")[:4], _text(b"a") + b"\1", _text(b"") + b"\2"]
     decoded = plan.decode(batch_of(stored))
@@ -156,14 +158,14 @@ def test_messages_of_the_least_size_are_whole_beside_smaller_ones() -> None:
 
 @pytest.mark.parametrize("length", [0, None])
 def test_no_plan_walks_lists_of_what_takes_no_bytes(length: int | None) -> None:
-    nothing = Record("t/msg/Nothing", (("none", ListOf(Scalar("string"), 0)),))
-    record = Record("t/msg/Many", (("many", ListOf(nothing, length)),))
+    nothing = RecordType("t/msg/Nothing", (("none", ListOf(Scalar("string"), 0)),))
+    record = RecordType("t/msg/Many", (("many", ListOf(nothing, length)),))
     with pytest.raises(NoPlanError, match="array of length 0"):
         Plan(record, ros1=True, fields=[])
 
 
 def test_a_string_in_cdr_may_have_the_length_0() -> None:
-    record = Record("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
+    record = RecordType("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
     plan = Plan(record, ros1=False, fields=[resolve(n, record) for n in ("label", "id")])
     decoded = plan.decode(batch_of([b"\0\1\0\0" + struct.pack("<IB", 0, 7)]))
     assert decoded.frame.select("label", "id").rows() == [("", 7)]
@@ -183,7 +185,7 @@ def test_a_string_in_cdr_may_have_the_length_0() -> None:
 def test_a_string_that_is_none_costs_the_message_also_when_nobody_asks_for_it(
     text: bytes, fault: str
 ) -> None:
-    record = Record("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
+    record = RecordType("t/msg/Label", (("label", Scalar("string")), ("id", Scalar("uint8"))))
     stored = b"\0\1\0\0" + _text(text) + b"\7"
     decoded = Plan(record, ros1=False, fields=[resolve("id", record)]).decode(batch_of([stored]))
     assert decoded.undecodable == 1
@@ -192,7 +194,7 @@ def test_a_string_that_is_none_costs_the_message_also_when_nobody_asks_for_it(
 
 @given(st.binary(max_size=8))
 def test_utf8_is_what_python_decodes(text: bytes) -> None:
-    record = Record("t/msg/Label", (("label", Scalar("string")),))
+    record = RecordType("t/msg/Label", (("label", Scalar("string")),))
     plan = Plan(record, ros1=True, fields=[resolve("label", record)])
     decoded = plan.decode(batch_of([_text(text)]))
     try:
@@ -214,7 +216,7 @@ def test_utf8_is_what_python_decodes(text: bytes) -> None:
     ],
 )
 def test_an_encapsulation_that_cannot_be_read_is_named(head: bytes, fault: str) -> None:
-    record = Record("t/msg/Id", (("id", Scalar("uint8")),))
+    record = RecordType("t/msg/Id", (("id", Scalar("uint8")),))
     plan = Plan(record, ros1=False, fields=[resolve("id", record)])
     good = b"\0\1\0\0\5"
     tail = b"\5" if len(head) == 4 else b""

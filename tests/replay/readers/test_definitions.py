@@ -2,14 +2,14 @@
 
 import pytest
 
-from replay.messages.types import ListOf, Record, Scalar
+from replay.messages.types import ListOf, RecordType, Scalar
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.storage.container import Connection
 
 RULE = "=" * 80
 
 
-def compiled(text: str, *, ros1: bool = False) -> Record:
+def compiled(text: str, *, ros1: bool = False) -> RecordType:
     encoding = ("ros1", "ros1msg") if ros1 else ("cdr", "ros2msg")
     return compile_type(Connection(0, "/t", "t/msg/T0", encoding[0], text, encoding[1])).record
 

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.messages.fields import Field, FieldError, Step, resolve
-from replay.messages.types import ListOf, Record, Scalar, leaves
+from replay.messages.fields import Field, FieldError, PathStep, resolve
+from replay.messages.types import ListOf, RecordType, Scalar, leaves
 
-VECTOR = Record("geometry_msgs/msg/Vector3", tuple((axis, Scalar("float64")) for axis in "xyz"))
-MESSAGE = Record(
+VECTOR = RecordType("geometry_msgs/msg/Vector3", tuple((axis, Scalar("float64")) for axis in "xyz"))
+MESSAGE = RecordType(
     "test_msgs/msg/Everything",
     (
         ("stamp", Scalar("stamp")),
@@ -18,7 +18,7 @@ MESSAGE = Record(
         ("covariance", ListOf(Scalar("float64"), 9)),
         ("name", ListOf(Scalar("string"), None)),
         ("effort", ListOf(Scalar("float32"), None)),
-        ("wrenches", ListOf(Record("test_msgs/msg/Wrench", (("force", VECTOR),)), None)),
+        ("wrenches", ListOf(RecordType("test_msgs/msg/Wrench", (("force", VECTOR),)), None)),
         ("id", Scalar("uint64")),
     ),
 )
@@ -50,7 +50,7 @@ def test_leaves_are_dotted_and_lists_show_as_lists() -> None:
 def test_a_field_resolves_to_its_kind_and_steps(
     name: str, kind: str, steps: list[tuple[str, int | str | None]]
 ) -> None:
-    assert resolve(name, MESSAGE) == Field(name, kind, tuple(Step(*step) for step in steps))
+    assert resolve(name, MESSAGE) == Field(name, kind, tuple(PathStep(*step) for step in steps))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_field_that_is_no_single_value_is_explained(name: str, answer: str) ->
 
 
 def test_an_element_by_name_needs_a_list_of_names() -> None:
-    plain = Record("test_msgs/msg/Plain", (("effort", ListOf(Scalar("float64"), None)),))
+    plain = RecordType("test_msgs/msg/Plain", (("effort", ListOf(Scalar("float64"), None)),))
     with pytest.raises(FieldError, match="has no list 'name'; use an index"):
         resolve("effort[left]", plain)
 

@@ -1,4 +1,4 @@
-"""Fields that every message has, which are gathered while its bytes are at hand."""
+"""Direct fields: at a fixed distance from a mark of every message, gathered by the pass itself."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from replay.decoding.gather import DTYPES, LOADS
-from replay.decoding.located import InBlock, Inline, InlineArray, InlineRecord, Nested, Text
-from replay.messages.fields import ALL, Field, Step
+from replay.decoding.located import Inline, InlineArray, InlineRecord, InSpan, Nested, Text
+from replay.messages.fields import ALL, Field, PathStep
 
 Ints = NDArray[np.int64]
 #: What tells a field of a type from the others.
-Steps: TypeAlias = tuple[Step, ...]
+Steps: TypeAlias = tuple[PathStep, ...]
 
 
 class Gathering(NamedTuple):
     """What a compiled pass gathers beside the marks, as numbers.
 
-    `value_*`: single values, by the mark of their block, their distance from it, and how they are
+    `value_*`: single values, by the mark of their span, their distance from it, and how they are
     loaded (`gather.LOADS`). `array_*`: arrays of numbers, with their bytes. `text_marks`: strings.
     """
 
@@ -33,8 +33,8 @@ class Gathering(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Together:
-    """The fields that are gathered so."""
+class DirectFields:
+    """The fields of a type that the pass gathers."""
 
     gathering: Gathering
     #: single values and their kinds, arrays with kind and length, strings: each in the order of
@@ -58,8 +58,8 @@ class _Found:
     value: Inline | InlineArray | Text
 
 
-def gathered_together(root: Nested, fields: Iterable[Field]) -> Together:
-    """Those fields that can be."""
+def direct_fields(root: Nested, fields: Iterable[Field]) -> DirectFields:
+    """Find those of some fields that are direct."""
     places = {field.steps: _place(root, field.steps) for field in fields}
     values: list[tuple[Steps, str]] = []
     arrays: list[tuple[Steps, str, int]] = []
@@ -83,7 +83,7 @@ def gathered_together(root: Nested, fields: Iterable[Field]) -> Together:
         for rows, width in zip(numbers, (3, 3, 1), strict=True)
     ]
     gathering = Gathering(*columns[0], *columns[1], *columns[2])
-    return Together(gathering, tuple(values), tuple(arrays), tuple(texts))
+    return DirectFields(gathering, tuple(values), tuple(arrays), tuple(texts))
 
 
 def _place(root: Nested, steps: Steps) -> _Found | None:
@@ -94,12 +94,12 @@ def _place(root: Nested, steps: Steps) -> _Found | None:
         below = here.fields[step.name]
         if isinstance(below, Text):
             return _Found(below.mark, 0, below) if step.element is None else None
-        if isinstance(below, InBlock):
+        if isinstance(below, InSpan):
             mark, below = below.mark, below.value
         if isinstance(below, InlineArray) and step.element is not None:
             offset += below.offset
             if step.element == ALL:
-                return _Found(mark, offset, below) if _is_run(below, step, steps) else None
+                return _Found(mark, offset, below) if _is_contiguous(below, step, steps) else None
             if not isinstance(step.element, int):
                 return None
             offset += step.element * below.stride
@@ -114,7 +114,7 @@ def _place(root: Nested, steps: Steps) -> _Found | None:
     return None
 
 
-def _is_run(array: InlineArray, step: Step, steps: Steps) -> bool:
+def _is_contiguous(array: InlineArray, step: PathStep, steps: Steps) -> bool:
     """Whether all of an array is asked for, and it consists of numbers without gaps."""
     element = array.element
     return step is steps[-1] and isinstance(element, Inline) and element.kind in DTYPES

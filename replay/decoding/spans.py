@@ -1,11 +1,11 @@
-"""Blocks: runs of numbers whose distances from the first are known before a message is seen."""
+"""Spans: stretches of a message whose layout its definition fixes."""
 
 from dataclasses import dataclass
 from typing import Final
 
 from replay.decoding.located import Inline, InlineArray, InlineRecord, InlineValue
 from replay.decoding.wire import WIDTHS, Wire
-from replay.messages.types import FieldType, ListOf, Record, Scalar
+from replay.messages.types import FieldType, ListOf, RecordType, Scalar
 
 #: A definition whose messages must be larger than this describes none that exists.
 LARGEST_BYTES: Final = 2**30
@@ -16,8 +16,8 @@ class NoPlanError(Exception):
 
 
 @dataclass(slots=True)
-class Block:
-    """A run of numbers that begins at a multiple of `alignment`."""
+class Span:
+    """Numbers at fixed distances from a first byte at a multiple of `alignment`."""
 
     alignment: int
     size: int = 0
@@ -49,57 +49,57 @@ def width_of(kind: str) -> int:
     return WIDTHS[kind]
 
 
-def members(record: Record, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
+def members(record: RecordType, wire: Wire) -> tuple[tuple[str, FieldType], ...]:
     """The fields as stored: an empty message takes a byte in CDR."""
     return record.fields or ((("", Scalar("uint8")),) if wire.cdr else ())
 
 
-def place_in(block: Block, kind: FieldType, wire: Wire) -> InlineValue | None:
-    """Put a field into a block; None where it has no fixed place there."""
+def place_in(span: Span, kind: FieldType, wire: Wire) -> InlineValue | None:
+    """Put a field into a span; None where it has no fixed place there."""
     if isinstance(kind, Scalar):
         if kind.kind == "string":
             return None
-        offset = block.place(alignment_of(kind.kind, wire), width_of(kind.kind))
+        offset = span.place(alignment_of(kind.kind, wire), width_of(kind.kind))
         return None if offset is None else Inline(offset, kind.kind)
-    if isinstance(kind, Record):
+    if isinstance(kind, RecordType):
         fields: dict[str, InlineValue] = {}
         for name, field in members(kind, wire):
-            placed = place_in(block, field, wire)
+            placed = place_in(span, field, wire)
             if placed is None:
                 return None
             fields[name] = placed
         return InlineRecord(fields)
     if kind.length is None or fixed_size(kind.element, wire) is None:
         return None
-    if is_delimited(kind, wire) and block.place(4, 4) is None:
+    if is_delimited(kind, wire) and span.place(4, 4) is None:
         return None
-    return _place_array(block, kind.element, kind.length, wire)
+    return _place_array(span, kind.element, kind.length, wire)
 
 
-def _place_array(block: Block, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
+def _place_array(span: Span, element: FieldType, length: int, wire: Wire) -> InlineArray | None:
     fixed = fixed_size(element, wire)
     assert fixed is not None
     one, value = fixed
     size = (length - 1) * stride_of(one) + one.size if length else 0
-    offset = block.place(one.alignment, size)
+    offset = span.place(one.alignment, size)
     return None if offset is None else InlineArray(offset, length, stride_of(one), value)
 
 
-def fixed_size(element: FieldType, wire: Wire) -> tuple[Block, InlineValue] | None:
-    """An element as a block of its own; None where its size depends on the message."""
-    block = Block(first_alignment(element, wire))
-    value = place_in(block, element, wire)
-    return None if value is None else (block, value)
+def fixed_size(element: FieldType, wire: Wire) -> tuple[Span, InlineValue] | None:
+    """An element as a span of its own; None where its size depends on the message."""
+    span = Span(first_alignment(element, wire))
+    value = place_in(span, element, wire)
+    return None if value is None else (span, value)
 
 
-def stride_of(block: Block) -> int:
+def stride_of(span: Span) -> int:
     """The distance of elements that follow one another."""
-    return -(-block.size // block.alignment) * block.alignment
+    return -(-span.size // span.alignment) * span.alignment
 
 
 def first_alignment(kind: FieldType, wire: Wire) -> int:
     """The alignment of the first number in a field, be it the length of a string."""
-    if isinstance(kind, Record):
+    if isinstance(kind, RecordType):
         filled = (f for _, f in members(kind, wire) if smallest_size(f, wire))
         first = next(filled, None)
         return 1 if first is None else first_alignment(first, wire)
@@ -124,7 +124,7 @@ def smallest_size(kind: FieldType, wire: Wire) -> int:
     """
     if isinstance(kind, Scalar):
         size = 4 if kind.kind == "string" else width_of(kind.kind)
-    elif isinstance(kind, Record):
+    elif isinstance(kind, RecordType):
         size = sum(smallest_size(field, wire) for _, field in members(kind, wire))
     elif kind.length is None:
         smallest_size(kind.element, wire)
