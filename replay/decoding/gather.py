@@ -49,14 +49,8 @@ def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: I
         out: (n,) out.
     """
     size = abs(how)
-    if size == 8:  # nearly all of them, in a loop with no other case in it
-        for k in range(positions.size):
-            at = positions[k]
-            if at < 0:
-                out[k] = 0
-            else:
-                eight = load64(data, at + offset)
-                out[k] = _swapped8(eight) if swap else eight
+    if size == 8:
+        _load8(data, positions, offset, swap, out)
         return
     for k in range(positions.size):
         at = positions[k]
@@ -80,6 +74,18 @@ def load(data: Bytes, positions: Ints, offset: int, how: int, swap: bool, out: I
             else:
                 value = int(data[at])
             out[k] = _signed(value, 8 * size) if how < 0 else value
+
+
+@compiled
+def _load8(data: Bytes, positions: Ints, offset: int, swap: bool, out: Ints) -> None:
+    """Values of 8 bytes, which nearly all are, in a loop with no other case in it."""
+    for k in range(positions.size):
+        at = positions[k]
+        if at < 0:
+            out[k] = 0
+        else:
+            eight = load64(data, at + offset)
+            out[k] = _swapped8(eight) if swap else eight
 
 
 @compiled

@@ -28,7 +28,7 @@ from replay.readers.blocks.slabs import Grammar, SlabIndex
 from replay.readers.mcap import grammar as mcap_grammar
 from replay.readers.sqlite.leaves import _children
 from replay.readers.sqlite.pages import LEAF, RowFilter, page_layout
-from replay.readers.sqlite.scan import scan_leaves
+from replay.readers.sqlite.scan import Tables, scan_leaves
 from replay.readers.storage.file_bytes import FileBytes
 from tests.replay.decoding.random_types import Sample, Types, types
 from tests.replay.decoding.test_equality import fields_of
@@ -195,7 +195,7 @@ def sqlite_pages() -> None:
     for page in chain(pages, damaged, led_astray, cut_off):
         data = GUARDED.at_end(page)
         found = (np.empty(shape, np.int64) for shape in ((5, 60), (5, 9), (2, 3)))
-        scan_leaves(data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), *found)
+        scan_leaves(data, slots, layout, wanted, 512, 2**20, np.zeros(7, np.int64), Tables(*found))
         _children(data, slots, layout.usable_bytes, np.empty(86, np.uint32))
 
 

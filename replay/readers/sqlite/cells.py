@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
+from estimators.compiled import uncounted
 from replay.readers.sqlite.pages import PageLayout
 from replay.readers.storage import LARGEST_BYTES
 
@@ -22,7 +22,7 @@ _BLOB: Final = 12
 MESSAGE, DAMAGED, NO_MESSAGE, UNUSUAL = range(4)
 
 
-@compiled
+@uncounted
 def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
     """An unsigned integer of less than 8 bytes."""
     value = np.int64(0)
@@ -31,7 +31,7 @@ def big_endian(data: NDArray[np.uint8], at: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@compiled
+@uncounted
 def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     """A two's complement integer of 1 to 8 bytes."""
     value = np.int64(data[at])
@@ -42,7 +42,7 @@ def _signed(data: NDArray[np.uint8], at: int, size: int) -> int:
     return value  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@compiled
+@uncounted
 def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     """An integer of 1 to 9 bytes, and where it ends: -1 where not before `end`."""
     value, bits, stop = np.int64(0), 0, -1
@@ -61,7 +61,7 @@ def _varint(data: NDArray[np.uint8], at: int, end: int) -> tuple[int, int]:
     return value, stop  # pyright: ignore[reportReturnType] an int outside of numba
 
 
-@compiled
+@uncounted
 def _size(kind: int) -> int:
     """Bytes of a value of a record's type; -1 for what is no type."""
     if kind >= _BLOB:
@@ -75,7 +75,7 @@ def _size(kind: int) -> int:
     return 8 if kind <= _FLOAT else 0
 
 
-@compiled
+@uncounted
 def _local_bytes(payload: int, usable: int) -> int:
     """How much of a record stands in its leaf; the rest is on overflow pages."""
     if payload <= usable - 35:
@@ -85,7 +85,7 @@ def _local_bytes(payload: int, usable: int) -> int:
     return some if some <= usable - 35 else least
 
 
-@compiled
+@uncounted
 def parse_cell(
     data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout, with_data: bool
 ) -> tuple[int, int, int, int, int, int, int, int]:
@@ -96,20 +96,11 @@ def parse_cell(
         bytes, and those of them in the leaf; and where the leaf's part of the record ends.
     """
     damaged = (DAMAGED, 0, 0, 0, 0, 0, 0, 0)
-    if at < begin or at >= end:
-        return damaged
-    payload, at = _varint(data, at, end)
-    if at < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
-        return damaged
-    row_id, at = _varint(data, at, end)
-    if at < 0:
-        return damaged
-    here = _local_bytes(payload, layout.usable_bytes)
-    stop = at + here
-    if stop + (4 if here < payload else 0) > end:
+    payload, row_id, at, stop = _open_cell(data, at, begin, end, layout)
+    if stop < 0:
         return damaged
     head, field = _varint(data, at, stop)
-    if field < 0 or head < 0 or head > here:
+    if field < 0 or head < 0 or head > stop - at:
         return damaged
     what = MESSAGE if payload <= LARGEST_BYTES else UNUSUAL
     head_end = body = at + head
@@ -123,17 +114,12 @@ def parse_cell(
             message, length = body, size
             if with_data and (kind < _BLOB or kind % 2 == 1):
                 what = max(what, NO_MESSAGE)
-        elif column == layout.topic or column == layout.time:
-            if kind in (_NULL, _FLOAT) or kind > _ONE:
-                what = max(what, NO_MESSAGE)
-            elif body + size > stop:
-                what = UNUSUAL
-            else:
-                value = kind - _ZERO if size == 0 else _signed(data, body, size)
-                if column == layout.topic:
-                    topic = value
-                else:
-                    time = value
+        elif column == layout.topic:
+            topic, found = _integer(data, body, kind, size, stop)
+            what = max(what, found)
+        elif column == layout.time:
+            time, found = _integer(data, body, kind, size, stop)
+            what = max(what, found)
         body += size
         column += 1
     if field != head_end or body != at + payload:
@@ -143,3 +129,37 @@ def parse_cell(
     if column < layout.columns or local < 0 or (local < length and message + length < body):
         what = UNUSUAL
     return what, row_id, topic, time, message, length, local, stop
+
+
+@uncounted
+def _open_cell(
+    data: NDArray[np.uint8], at: int, begin: int, end: int, layout: PageLayout
+) -> tuple[int, int, int, int]:
+    """The bytes of a cell's record, its id, where it begins, and where its part in the leaf ends.
+
+    The last is -1 where the cell is damaged.
+    """
+    damaged = (0, 0, 0, -1)
+    if at < begin or at >= end:
+        return damaged
+    payload, at = _varint(data, at, end)
+    if at < 0 or payload < 0 or payload > layout.pages * layout.page_bytes:
+        return damaged
+    row_id, at = _varint(data, at, end)
+    if at < 0:
+        return damaged
+    here = _local_bytes(payload, layout.usable_bytes)
+    stop = at + here
+    if stop + (4 if here < payload else 0) > end:
+        return damaged
+    return payload, row_id, at, stop
+
+
+@uncounted
+def _integer(data: NDArray[np.uint8], at: int, kind: int, size: int, stop: int) -> tuple[int, int]:
+    """An integer column, and whether it is one that a message has."""
+    if kind in (_NULL, _FLOAT) or kind > _ONE:
+        return 0, NO_MESSAGE
+    if at + size > stop:
+        return 0, UNUSUAL
+    return (kind - _ZERO if size == 0 else _signed(data, at, size)), MESSAGE

@@ -1,6 +1,6 @@
 """Join messages that do not fit into their leaf page of a SQLite table from overflow pages."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,14 @@ _MOST_VISITS: Final = 16
 _SPILL, _NEXT, _TO, _LEFT, _USED = range(5)
 
 
+class Near(NamedTuple):
+    """Pages that were read for one message: the first, how many, and their bytes."""
+
+    first: int
+    pages: int
+    data: NDArray[np.uint8]
+
+
 class Chains:
     """Follows overflow pages, of which each names the next."""
 
@@ -31,9 +39,7 @@ class Chains:
         self._most = max(1, _MOST_BYTES // layout.page_bytes)
         self._at_once = self._most
         self._used = 0
-        #: pages that were read for one message: the first, how many, and their bytes
-        self._near = (0, 0)
-        self._near_bytes = np.empty(0, np.uint8)
+        self._near = Near(0, 0, np.empty(0, np.uint8))
 
     def join(
         self,
@@ -55,9 +61,7 @@ class Chains:
         order = np.argsort(ranges.first, kind="stable")
         at_hand = np.stack([each[order] for each in ranges])
         state = np.array([0, 0, 0, 0, self._used], np.int64)
-        while _join(
-            data, at_hand, self._near_bytes, self._near, self._layout, rows, spills, count, state
-        ):
+        while _join(data, at_hand, self._near, self._layout, rows, spills, count, state):
             # where pages do not follow each other, reading many at once is for nothing
             progress = int(state[_USED]) - self._used
             self._at_once = min(self._most, max(_FEWEST_PAGES, 2 * progress))
@@ -70,10 +74,9 @@ class Chains:
         size = self._layout.page_bytes
         needed = -(-left // (self._layout.usable_bytes - 4))
         pages = min(needed, self._at_once, self._layout.pages + 1 - page)
-        if not self._near_bytes.size:
-            self._near_bytes = np.empty(self._most * size, np.uint8)
-        self._near = (page, pages)
-        target = self._near_bytes[: pages * size]
+        data = self._near.data
+        self._near = Near(page, pages, data if data.size else np.empty(self._most * size, np.uint8))
+        target = self._near.data[: pages * size]
         if self._file.read_into((page - 1) * size, target) < target.size:
             raise OSError("the file became shorter")
 
@@ -91,8 +94,7 @@ def _find(at_hand: NDArray[np.int64], page: int, page_bytes: int) -> int:
 def _join(
     data: NDArray[np.uint8],
     at_hand: NDArray[np.int64],
-    near_bytes: NDArray[np.uint8],
-    near: tuple[int, int],
+    near: Near,
     layout: PageLayout,
     rows: NDArray[np.int64],
     spills: NDArray[np.int64],
@@ -100,6 +102,7 @@ def _join(
     state: NDArray[np.int64],
 ) -> bool:
     """Join on from `state`, to the end or, then it is true, a page that is not at hand."""
+    first_near, near_pages, near_bytes = near
     most = layout.usable_bytes - 4
     while state[_SPILL] < count:
         spill = state[_SPILL]
@@ -117,8 +120,8 @@ def _join(
                 break
             size = min(most, state[_LEFT])
             to = state[_TO]
-            if near[0] <= page < near[0] + near[1]:
-                at = (page - near[0]) * layout.page_bytes
+            if first_near <= page < first_near + near_pages:
+                at = (page - first_near) * layout.page_bytes
                 following = big_endian(near_bytes, at, 4)
                 data[to : to + size] = near_bytes[at + 4 : at + 4 + size]
             else:

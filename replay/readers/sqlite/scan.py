@@ -1,11 +1,11 @@
 """Find the messages in leaf pages of a SQLite table, compiled: some tens of nanoseconds each."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.compiled import compiled
+from estimators.compiled import uncounted
 from replay.readers.sqlite.cells import (
     DAMAGED,
     MESSAGE,
@@ -29,7 +29,18 @@ ROW, BEGIN, LOCAL, PAGE, REST = range(5)
 AT_LEAF, AT_CELL, LAST_ID, GAPS, IN_GAP, ODD, FIRST_ODD = range(7)
 
 
-@compiled
+class Tables(NamedTuple):
+    """What a scan finds."""
+
+    #: (5, n) rows of messages as in `storage.rows`, and their ids
+    rows: NDArray[np.int64]
+    #: (5, m) rows whose message is not whole in its leaf
+    spills: NDArray[np.int64]
+    #: (2, g) ids of the rows before and behind damaged places
+    gaps: NDArray[np.int64]
+
+
+@uncounted
 def scan_leaves(
     data: NDArray[np.uint8],
     leaves: NDArray[np.int64],
@@ -38,9 +49,7 @@ def scan_leaves(
     tail: int,
     room: int,
     state: NDArray[np.int64],
-    rows: NDArray[np.int64],
-    spills: NDArray[np.int64],
-    gaps: NDArray[np.int64],
+    tables: Tables,
 ) -> tuple[int, int, int, bool]:
     """Wanted rows in leaf pages, until there is no more room or a row is unusual.
 
@@ -52,14 +61,13 @@ def scan_leaves(
         tail: where in `data` messages from overflow pages will stand.
         room: bytes that these may take, unless it is a single one.
         state: (7,) where to begin, and becomes where it stopped.
-        rows: (5, n) is filled, as `records` has it, and with ids.
-        spills: (5, m) is filled: rows whose message is not whole in its leaf.
-        gaps: (2, g) is filled: ids of the rows before and behind damaged places.
+        tables: are filled.
 
     Returns:
         Rows and spilled rows found, bytes behind `tail` that these need, and False if it stopped
         at what is unusual.
     """
+    rows, spills, gaps = tables
     keys = wanted.keys
     found = spilled = used = 0
     while state[AT_LEAF] < leaves.size:
@@ -101,9 +109,7 @@ def scan_leaves(
                 rows[ID, found] = row_id
                 found += 1
             elif what == NO_MESSAGE:
-                if state[ODD] == 0:
-                    state[FIRST_ODD] = row_id
-                state[ODD] += 1
+                _count_odd(state, row_id)
             if what == DAMAGED:
                 _open_gap(gaps, state)
             else:
@@ -116,7 +122,7 @@ def scan_leaves(
     return found, spilled, used, True
 
 
-@compiled
+@uncounted
 def _holds(keys: NDArray[np.int64], key: int) -> bool:
     """Whether a key is among some that ascend."""
     first, last = 0, keys.size
@@ -129,7 +135,15 @@ def _holds(keys: NDArray[np.int64], key: int) -> bool:
     return bool(first < keys.size and keys[first] == key)
 
 
-@compiled
+@uncounted
+def _count_odd(state: NDArray[np.int64], row_id: int) -> None:
+    """Count a row that holds no message."""
+    if state[ODD] == 0:
+        state[FIRST_ODD] = row_id
+    state[ODD] += 1
+
+
+@uncounted
 def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
     """Nothing can be read here."""
     if state[IN_GAP] == 0:
@@ -140,7 +154,7 @@ def _open_gap(gaps: NDArray[np.int64], state: NDArray[np.int64]) -> None:
         state[IN_GAP] = 1
 
 
-@compiled
+@uncounted
 def _close_gap(gaps: NDArray[np.int64], state: NDArray[np.int64], row_id: int) -> None:
     """Here is a row again."""
     if state[IN_GAP] == 1 and state[GAPS] <= gaps.shape[1]:

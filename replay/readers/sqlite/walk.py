@@ -20,6 +20,7 @@ from replay.readers.sqlite.scan import (
     ODD,
     PAGE,
     ROW,
+    Tables,
     scan_leaves,
 )
 from replay.readers.storage import FileBytes
@@ -111,9 +112,7 @@ class PageWalk:
             tail,
             _JOINED_BYTES,
             self._state,
-            memory.rows,
-            self._spills,
-            self._gaps,
+            Tables(memory.rows, self._spills, self._gaps),
         )
         data, rows = memory.data, memory.rows[:, :found]
         if spilled:
