@@ -35,7 +35,7 @@ def load(A: Floats, f: Floats, first: int, samples: int, z: Floats) -> None:
     load_columns(A, first, samples, z)
     copy_row(f, first, samples, z[A.shape[1]])
     for c in range(z.shape[0]):
-        for k in range(samples, samples + _IN_STEP):
+        for k in range(samples, min(samples + _IN_STEP, z.shape[1])):
             z[c, k] = 0.0
 
 
