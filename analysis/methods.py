@@ -8,13 +8,22 @@ estimator is a file in `estimators` and a row here; an option of its own is a fi
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from importlib import import_module
+from operator import attrgetter
 from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from estimators import fgls, huber, incremental, ls, pooled, rls, rtls, tls
-from estimators.estimate import Floats
+if TYPE_CHECKING:
+    from estimators.estimate import Floats
+    from estimators.fgls import FglsOptions
+    from estimators.huber import HuberOptions
+    from estimators.ls import LsOptions
+    from estimators.pooled import PooledOptions
+    from estimators.rls import RlsOptions
+    from estimators.rtls import RtlsOptions
+    from estimators.tls import TlsOptions
 
 
 class Feed(Enum):
@@ -59,22 +68,22 @@ class AxisNoise:
         columns: (p,) r.m.s. of the regressor's columns after it; None where it is negligible.
     """
 
-    raw: tls.TlsOptions
-    columns: Floats | None
+    raw: "TlsOptions"
+    columns: "Floats | None"
 
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One estimator.
+    """One estimator; its module is imported when it is first asked for, and compiled then.
 
     Attributes:
-        name: in settings, frames and recordings.
+        name: in settings, frames and recordings; its module in `estimators`, which has `trace`,
+            and `fit` of a windowed method, `start` and `step` of a recursive one.
         title: in a sentence.
-        estimator: its module: `trace`; `fit` of a windowed one; `start` and `step` of a recursive.
         feed: what `trace` is fed.
         summary: how a log is summarised.
-        step: its form on board, in `estimators.incremental`: by `feed`, of the window that ends
-            now, of the samples since the window before, or of the samples of a manoeuvre.
+        on_board: module and function in `estimators` of its form on board: by `feed`, of the window
+            that ends now, of the samples since the window before, or of a manoeuvre's samples.
         options: its options from the settings and the noise of the axis.
         takes_noise_off: whether it knows of noise in the regressor. The others take the regressor
             for exact, as (6) does, and that noise draws their estimates towards zero.
@@ -82,83 +91,84 @@ class Method:
 
     name: str
     title: str
-    estimator: ModuleType
     feed: Feed
     summary: Summary
-    step: Callable[..., Any]
+    on_board: str
     options: Callable[[MethodOptions, AxisNoise], Any]
     takes_noise_off: bool = False
+
+    @property
+    def estimator(self) -> ModuleType:
+        """Its module."""
+        return import_module(f"estimators.{self.name}")
+
+    @property
+    def step(self) -> Callable[..., Any]:
+        """Its form on board."""
+        module, _, name = self.on_board.partition(".")
+        return attrgetter(name)(import_module(f"estimators.{module}"))
+
+
+def _ls(_: MethodOptions, __: AxisNoise) -> "LsOptions":
+    from estimators.ls import LsOptions
+
+    return LsOptions()
+
+
+def _rls(chosen: MethodOptions, _: AxisNoise) -> "RlsOptions":
+    from estimators.rls import RlsOptions
+
+    return RlsOptions(chosen.forgetting, chosen.directional_forgetting)
+
+
+def _fgls(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
+    from estimators.fgls import FglsOptions
+
+    return FglsOptions(chosen.fgls_floor)
+
+
+def _tls(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
+    return noise.raw
+
+
+def _pooled(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
+    from estimators.pooled import PooledOptions
+
+    return PooledOptions(noise.columns)
+
+
+def _huber(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
+    from estimators.huber import HuberOptions
+
+    return HuberOptions(chosen.huber_bend)
+
+
+def _rtls(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions":
+    from estimators.rtls import RtlsOptions
+
+    return RtlsOptions(noise.raw, chosen.forgetting)
 
 
 def _by_name(*rows: Method) -> Mapping[str, Method]:
     return {row.name: row for row in rows}
 
 
+_WINDOWED: Final = (Feed.WINDOWS, Summary.MEAN)
+_RECURSIVE: Final = (Feed.SETTLED, Summary.LAST)
 METHODS: Final = _by_name(
-    Method(
-        "ls",
-        "LS",
-        ls,
-        Feed.WINDOWS,
-        Summary.MEAN,
-        incremental.ls,
-        lambda _, __: ls.LsOptions(),
-    ),
-    Method(
-        "rls",
-        "RLS",
-        rls,
-        Feed.SETTLED,
-        Summary.LAST,
-        incremental.rls,
-        lambda chosen, _: rls.RlsOptions(chosen.forgetting, chosen.directional_forgetting),
-    ),
-    Method(
-        "fgls",
-        "FGLS",
-        fgls,
-        Feed.WINDOWS,
-        Summary.MEAN,
-        incremental.fgls,
-        lambda chosen, _: fgls.FglsOptions(chosen.fgls_floor),
-    ),
-    Method(
-        "tls",
-        "TLS",
-        tls,
-        Feed.WINDOWS,
-        Summary.MEAN,
-        incremental.tls,
-        lambda _, noise: noise.raw,
-        takes_noise_off=True,
-    ),
+    Method("ls", "LS", *_WINDOWED, "incremental.ls", _ls),
+    Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _rls),
+    Method("fgls", "FGLS", *_WINDOWED, "incremental.fgls", _fgls),
+    Method("tls", "TLS", *_WINDOWED, "incremental.tls", _tls, takes_noise_off=True),
     Method(
         "pooled",
         "pooled LS",
-        pooled,
         Feed.SEGMENTS,
         Summary.POOL,
-        incremental.Pool.estimate,
-        lambda _, noise: pooled.PooledOptions(noise.columns),
+        "incremental.Pool.estimate",
+        _pooled,
         takes_noise_off=True,
     ),
-    Method(
-        "huber",
-        "Huber's regression",
-        huber,
-        Feed.WINDOWS,
-        Summary.MEAN,
-        incremental.huber,
-        lambda chosen, _: huber.HuberOptions(chosen.huber_bend),
-    ),
-    Method(
-        "rtls",
-        "recursive TLS",
-        rtls,
-        Feed.SETTLED,
-        Summary.LAST,
-        incremental.rtls,
-        lambda chosen, noise: rtls.RtlsOptions(noise.raw, chosen.forgetting),
-        takes_noise_off=True,
-    ),
+    Method("huber", "Huber's regression", *_WINDOWED, "incremental.huber", _huber),
+    Method("rtls", "recursive TLS", *_RECURSIVE, "incremental.rtls", _rtls, takes_noise_off=True),
 )
