@@ -140,7 +140,7 @@ class MessageLog(Log):
             self._read_losses.note(
                 self.path,
                 f"log times jump back, by up to {tally.back_ns / 1e9:.3f} s: messages were sorted "
-                "by them, so that stretches recorded one after another may lie in one another",
+                "by them, so that what was recorded one after another may overlap",
                 topic,
             )
 
@@ -179,8 +179,8 @@ class MessageLog(Log):
             if not np.array_equal(np.sort(there), np.sort(said)):
                 self._read_losses.note(
                     self.path,
-                    f"the index says {said.size:,} messages, {there.size:,} are there, or their "
-                    "log times are others",
+                    f"the index lists {said.size:,} messages, {there.size:,} are there, or their "
+                    "log times differ",
                     connection.topic,
                 )
 

@@ -98,7 +98,7 @@ def _search(found: Ints, keys: Ints, places: Ints) -> None:
         places[row] = low if low < keys.size and keys[low] == key else -1
 
 
-class Tally(NamedTuple):
+class ChunkStats(NamedTuple):
     """What a block holds."""
 
     #: by connection, in the order of the keys that were asked for; then those of all others
@@ -110,7 +110,7 @@ class Tally(NamedTuple):
     late: int
 
 
-def chunk_stats(slab: Slab, keys: Ints) -> list[Tally]:
+def chunk_stats(slab: Slab, keys: Ints) -> list[ChunkStats]:
     """Count what each of `slab.parts` holds; `keys` (connections,) ascend."""
     bounds = np.array([part[1:3] for part in slab.parts], np.int64).reshape(-1, 2)
     counts = np.zeros((len(bounds), keys.size + 1), np.int64)
@@ -118,7 +118,7 @@ def chunk_stats(slab: Slab, keys: Ints) -> list[Tally]:
     # -1, of a key that nobody asked for, is the last: that of all others
     _count(slab.rows, bounds, key_index(slab.rows[KEY], keys), counts, spans)
     pairs = zip(counts.tolist(), spans.tolist(), strict=True)
-    return [Tally(held, *span) for held, span in pairs]
+    return [ChunkStats(held, *span) for held, span in pairs]
 
 
 @compiled

@@ -15,7 +15,7 @@ from replay.readers.blocks.slabs import Grammar, Slab, read_slabs
 from replay.readers.storage import KEY, TIME, FileBytes, group_by_key, no_times
 
 if TYPE_CHECKING:
-    from replay.readers.blocks.select import Tally
+    from replay.readers.blocks.select import ChunkStats
 
 _INT64_MAX: Final = 2**63 - 1
 
@@ -86,7 +86,7 @@ class BlockStore:
         known = {block.record_offset for block in self._blocks}
         for offset in offsets:
             if offset not in known and not self.damage.is_lost(offset):
-                self.damage.note(f"the index leaves out what begins at byte {offset}: not read")
+                self.damage.note(f"the index omits the records at byte {offset}: not read")
 
     def add(self, block: Block, times: Mapping[int, NDArray[np.int64]]) -> None:
         """Add a block whose messages are known: their log times (as 64 bits) by connection."""
@@ -191,7 +191,7 @@ class BlockStore:
                     topic,
                 )
 
-    def _judge_times(self, block: Block, held: "Tally") -> None:
+    def _judge_times(self, block: Block, held: "ChunkStats") -> None:
         """Between two times, a block is read only if what is said of it lies between them too."""
         # some may be known to be beyond the year 2262
         unknown = held.late > 0 and not any(self._late.values())
@@ -200,8 +200,8 @@ class BlockStore:
             in_time and (held.first_ns < block.first_ns or held.last_ns > block.last_ns)
         ):
             self.damage.note(
-                f"the chunk at byte {block.record_offset} holds messages of times that its index "
-                "does not tell of"
+                f"the chunk at byte {block.record_offset} holds messages outside the times "
+                "that its index gives"
             )
 
     def _seal(self, block: Block) -> None:

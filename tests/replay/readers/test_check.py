@@ -74,8 +74,8 @@ def test_an_index_with_other_log_times_is_found_out(tmp_path: Path) -> None:
     overwrite(path, in_index, struct.pack("<Q", 1101))
     assert plain(path) == []
     assert check(path)[1] == [
-        "shift.mcap /joints0: the index says 100 messages, 100 are there, or their log times are "
-        "others"
+        "shift.mcap /joints0: the index lists 100 messages, 100 are there, or their log times "
+        "differ"
     ]
 
 
@@ -85,7 +85,7 @@ def test_a_bags_index_with_other_log_times_is_found_out(tmp_path: Path) -> None:
     in_index = path.read_bytes().rindex(struct.pack("<II", 0, 1100))
     overwrite(path, in_index, struct.pack("<II", 0, 1102))
     assert plain(path) == []
-    assert "or their log times are others" in check(path)[1][0]
+    assert "or their log times differ" in check(path)[1][0]
 
 
 def test_a_chunk_that_the_index_leaves_out_is_found(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_a_chunk_that_the_index_leaves_out_is_found(tmp_path: Path) -> None:
     checked, losses = check(path)
     assert checked.messages == chunk.message_start_time - 1000
     assert losses == [
-        f"shift.mcap: the index leaves out what begins at byte {chunk.chunk_start_offset}: not read"
+        f"shift.mcap: the index omits the records at byte {chunk.chunk_start_offset}: not read"
     ]
 
 

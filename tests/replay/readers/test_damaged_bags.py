@@ -187,4 +187,4 @@ def test_a_message_of_a_time_that_the_index_does_not_tell_of_is_said(tmp_path: P
     overwrite(path, path.read_bytes().index(struct.pack("<II", 0, 1050)), struct.pack("<I", 7))
     with open_log(path) as log:
         assert log.read("/joints0", [])["log_time_ns"][-1] == 7_000_001_050
-        assert "of times that its index does not tell of" in log.losses()[0].what
+        assert "messages outside the times that its index gives" in log.losses()[0].what

@@ -174,7 +174,7 @@ def test_a_message_of_a_time_that_cannot_be_is_said_where_the_index_tells_anothe
     overwrite(path, path.read_bytes().index(struct.pack("<QQ", 1050, 1050)), b"\xff" * 8)
     with open_log(path) as log:
         assert log.read("/joints0", []).height == 99
-        assert "of times that its index does not tell of" in log.losses()[0].what
+        assert "messages outside the times that its index gives" in log.losses()[0].what
 
 
 def test_an_index_that_hides_messages_is_not_used_where_a_chunk_is_lost_either(
