@@ -1,4 +1,4 @@
-"""The installed command, in a module that nobody else's is named like.
+"""The installed command, in a module of its own name.
 
 Distributions with packages named `analysis` or `replay` exist. One that Python finds before ours
 is named in one line, before anything of ours is imported.
@@ -7,6 +7,7 @@ is named in one line, before anything of ours is imported.
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NoReturn
 
 _OURS = Path(__file__).resolve().parent
 
@@ -17,18 +18,20 @@ def main() -> None:
         found = find_spec(name)
         if found is None or found.origin is None:
             _refuse(f"{_OURS / name}: the package is not there; install payscope anew")
-        elif Path(found.origin).resolve().parents[1] != _OURS:
+        theirs = Path(found.origin).resolve()
+        on_path = theirs.parents[1] if found.submodule_search_locations else theirs.parent
+        if on_path != _OURS:
             _refuse(
-                f"{Path(found.origin).parent}: is imported in the place of payscope's own package "
-                f"'{name}'; install payscope into an environment of its own (pipx install), or "
-                "take that folder off PYTHONPATH"
+                f"{theirs}: is imported in the place of payscope's own package '{name}'; install "
+                f"payscope into an environment of its own (pipx install), or take {on_path} off "
+                "PYTHONPATH, or start from another folder"
             )
     from replay.commands.cli import main
 
     main()
 
 
-def _refuse(fault: str) -> None:
+def _refuse(fault: str) -> NoReturn:
     sys.stderr.write(f"payscope: {fault}\n")
     sys.exit(2)
 

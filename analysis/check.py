@@ -37,7 +37,7 @@ class Check:
 
     @property
     def limit(self) -> str:
-        """What the number must be, as everyone writes it: `≥ 0.5`, `≤ 0.25`, `0.5 … 2`."""
+        """The limits as text: `≥ 0.5`, `≤ 0.25`, `0.5 … 2`."""
         bounds = [f"{bound:g}" for bound in (self.minimum, self.maximum) if bound is not None]
         mark = "" if len(bounds) == 2 else "≤ " if self.minimum is None else "≥ "
         return mark + " … ".join(bounds) if bounds else "–"

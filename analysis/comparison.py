@@ -6,16 +6,12 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.regressor import X, Z
 from analysis.run import Provenance, Run
 from analysis.stage_change import Replay, StageChange, family, stage_change
 
 #: Estimates and their standard deviations, by the frame that holds them.
-_ESTIMATES: Final = {
-    "mass_kg": "mass_std_kg",
-    "friction_x_N_s_m": "friction_x_std_N_s_m",
-    "coulomb_x_N": "coulomb_x_std_N",
-    "inertia_z_kg_m2": "inertia_z_std_kg_m2",
-}
+_ESTIMATES: Final = dict((*X.parameters, *Z.parameters))
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +77,7 @@ class Comparison:
     inputs: tuple[Changed, ...]
     """Files by name, with their digests."""
     versions: tuple[Changed, ...]
-    told: tuple[Changed, ...]
+    provenance: tuple[Changed, ...]
     """Stamps, losses and notes."""
     only_a: tuple[str, ...]
     """Stages that only A has."""
@@ -100,7 +96,7 @@ class Comparison:
     def equal(self) -> bool:
         """Whether nothing differs but names of files and versions."""
         return not (
-            self.settings or self.told or self.only_a or self.only_b or self.stages
+            self.settings or self.provenance or self.only_a or self.only_b or self.stages
         ) and not any(change.name == "contents" for change in self.inputs)
 
     def to_dict(self) -> dict[str, Any]:
@@ -141,11 +137,11 @@ def compare(a: Replay, b: Replay, *, rtol: float = 0.0, rows: bool = True) -> Co
         settings=tuple(_settings(mine, theirs)),
         inputs=tuple(_inputs(mine, theirs)),
         versions=tuple(_values(mine.versions, theirs.versions)),
-        told=tuple(_told(mine, theirs)) if rows else (),
+        provenance=tuple(_provenance(mine, theirs)) if rows else (),
         only_a=tuple(name for name in a.stages if name not in b.stages),
         only_b=tuple(name for name in b.stages if name not in a.stages),
         stages=tuple(change for change in changes if change is not None),
-        columns=sum(len(a.stages[name]) for name in compared),
+        columns=sum(len({*a.stages[name], *b.stages[name]}) for name in compared),
         estimates=_estimates(a, b, rtol),
         manoeuvres=_manoeuvres(a, b, rtol, offset_ns) if rows else (),
         checks=tuple(_checks(a, b)),
@@ -169,7 +165,7 @@ def _values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[Changed]:
 def _settings(a: Provenance, b: Provenance) -> Iterator[Changed]:
     flat = [
         {
-            **dict(_flat(about.settings.model_dump(mode="json"), "settings.")),
+            **{f"settings.{name}": value for name, value in about.settings.flat().items()},
             **dict(_flat(about.machine, "")),
         }
         for about in (a, b)
@@ -186,7 +182,7 @@ def _inputs(a: Provenance, b: Provenance) -> Iterator[Changed]:
         yield Changed("contents", *digests)
 
 
-def _told(a: Provenance, b: Provenance) -> Iterator[Changed]:
+def _provenance(a: Provenance, b: Provenance) -> Iterator[Changed]:
     yield from _values(
         {f"stamps of {topic}": kind for topic, kind in a.stamps.items()},
         {f"stamps of {topic}": kind for topic, kind in b.stamps.items()},

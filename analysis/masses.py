@@ -10,7 +10,7 @@ from analysis.check import Verdict
 from analysis.column_noise import axis_noise, systematic
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
-from analysis.methods import METHODS, Summary
+from analysis.methods import METHODS, LogSummary, Method
 from analysis.regressor import (
     Axis,
     X,
@@ -22,7 +22,7 @@ from analysis.regressor import (
 )
 from analysis.schema import build, values
 from analysis.settings import Settings
-from estimators import pooled
+from estimators.estimate import Trace
 from estimators.window_mean import mean_estimate
 
 Floats = NDArray[np.float64]
@@ -67,15 +67,19 @@ def masses(
 
 
 def pooled_over_log(
-    axis: Axis, excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+    axis: Axis,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
     """Parameters (p,) and deviations (p,) of one fit over every accepted sample of an axis."""
     A, f = regressor(axis, excitation, settings)
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
-    options = pooled.PooledOptions(axis_noise(axis, settings).columns)
-    whole = pooled.trace(A, f, np.where(used, 0, -1), options)
+    options = method.options(settings.trace, axis_noise(axis, settings))
+    whole: Trace = method.estimator.trace(A, f, np.where(used, 0, -1), options)
     return whole.theta[0], whole.std[0]
 
 
@@ -96,12 +100,12 @@ def _totals(
             continue
         method = METHODS[name]
         match method.summary:
-            case Summary.POOL:
-                theta[row], std[row] = pooled_over_log(axis, excitation, gated, settings)
-            case Summary.LAST:
+            case LogSummary.POOL:
+                theta[row], std[row] = pooled_over_log(axis, excitation, gated, settings, method)
+            case LogSummary.LAST:
                 traced, traced_std = theta_of(axis, frame)
                 theta[row], std[row] = traced[-1], traced_std[-1]
-            case Summary.MEAN:
+            case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
                 windows = theta_of(axis, frame)
                 unseen = systematic(axis, method, A, f, index, windows[0], settings)

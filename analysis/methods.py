@@ -34,7 +34,7 @@ class Feed(Enum):
     SEGMENTS = "the accepted samples of each manoeuvre"
 
 
-class Summary(Enum):
+class LogSummary(Enum):
     """How a method's estimates become one for the log."""
 
     MEAN = "the mean of its windows, weighted by 1/std²"
@@ -92,7 +92,7 @@ class Method:
     name: str
     title: str
     feed: Feed
-    summary: Summary
+    summary: LogSummary
     on_board: str
     options: Callable[[MethodOptions, AxisNoise], Any]
     takes_noise_off: bool = False
@@ -153,8 +153,8 @@ def _by_name(*rows: Method) -> Mapping[str, Method]:
     return {row.name: row for row in rows}
 
 
-_WINDOWED: Final = (Feed.WINDOWS, Summary.MEAN)
-_RECURSIVE: Final = (Feed.SETTLED, Summary.LAST)
+_WINDOWED: Final = (Feed.WINDOWS, LogSummary.MEAN)
+_RECURSIVE: Final = (Feed.SETTLED, LogSummary.LAST)
 METHODS: Final = _by_name(
     Method("ls", "LS", *_WINDOWED, "incremental.ls", _ls),
     Method("rls", "RLS", *_RECURSIVE, "incremental.rls", _rls),
@@ -164,7 +164,7 @@ METHODS: Final = _by_name(
         "pooled",
         "pooled LS",
         Feed.SEGMENTS,
-        Summary.POOL,
+        LogSummary.POOL,
         "incremental.Pool.estimate",
         _pooled,
         takes_noise_off=True,

@@ -25,7 +25,7 @@ from estimators.estimate import Estimate
 Floats = NDArray[np.float64]
 
 
-class Standing(NamedTuple):
+class TimedEstimate(NamedTuple):
     """An estimate and the number of the row at which it stands."""
 
     row: int
@@ -49,7 +49,7 @@ class Settling(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class OnlineState:
     """All that is kept between two rows.
 
     Attributes:
@@ -61,7 +61,7 @@ class State:
         fed_row: the last row that they were fed, -1 before the first.
         accepted_row: the last row whose window was accepted, -1 before the first.
         segments: manoeuvre of the last `window_samples` rows, the oldest first, -1 for none.
-        standing: whether those rows stand.
+        standstill: whether those rows stand.
         pending: samples that will be pooled unless braking follows.
         pool: the samples pooled into the manoeuvre `pooled_id` so far, the last being `pooled_row`.
     """
@@ -71,7 +71,7 @@ class State:
     gate: GateState
     pool: incremental.Pool
     segments: tuple[int, ...]
-    standing: tuple[bool, ...]
+    standstill: tuple[bool, ...]
     pasts: Mapping[str, Any] = field(default_factory=dict)
     settling: tuple[Settling, ...] = ()
     fed_row: int = -1
@@ -82,7 +82,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class OnlineStep:
     """What one row leads to.
 
     Attributes:
@@ -92,16 +92,16 @@ class Step:
             that row has settled, `pooled` when a manoeuvre is over.
     """
 
-    state: State
+    state: OnlineState
     gate: GateRow
-    estimates: Mapping[str, Standing]
+    estimates: Mapping[str, TimedEstimate]
 
 
-def start(settings: Settings) -> State:
+def start(settings: Settings) -> OnlineState:
     """Before the first row."""
     parameters = 3 if settings.forces.coulomb else 2
     window = settings.gate.window_samples
-    return State(
+    return OnlineState(
         settings,
         incremental.start_window(parameters, window),
         start_gate(settings),
@@ -111,7 +111,7 @@ def start(settings: Settings) -> State:
     )
 
 
-def step(state: State, row: Mapping[str, Any]) -> Step:
+def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
     """Take one row of `excitation`, as `DataFrame.iter_rows(named=True)` gives it.
 
     Args:
@@ -129,9 +129,9 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
         window=window,
         gate=gate,
         segments=(*state.segments[1:], gate.segment_id if gate.known else -1),
-        standing=(*state.standing[1:], row["phase"] == "standstill"),
+        standstill=(*state.standstill[1:], row["phase"] == "standstill"),
     )
-    estimates: dict[str, Standing] = {}
+    estimates: dict[str, TimedEstimate] = {}
     if gate_row.accepted:
         state, estimates = _estimate(state, gate.row)
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
@@ -140,10 +140,10 @@ def step(state: State, row: Mapping[str, Any]) -> Step:
     if any(_chosen(settings, Feed.SEGMENTS)):
         state, finished = _pool(state, gate.row)
         estimates |= finished
-    return Step(state, gate_row, estimates)
+    return OnlineStep(state, gate_row, estimates)
 
 
-def finish(state: State) -> Iterator[Mapping[str, Standing]]:
+def finish(state: OnlineState) -> Iterator[Mapping[str, TimedEstimate]]:
     """The estimates that were still to come: what has not braked by the last row does not."""
     while state.settling:
         state, fed = _feed(state)
@@ -151,14 +151,14 @@ def finish(state: State) -> Iterator[Mapping[str, Standing]]:
     for pending in state.pending:
         if state.gate.last_braking < pending.row:
             state = _add(state, pending)
-    yield _standing(state)
+    yield _pooled_estimates(state)
 
 
-def _estimate(state: State, row: int) -> tuple[State, dict[str, Standing]]:
+def _estimate(state: OnlineState, row: int) -> tuple[OnlineState, dict[str, TimedEstimate]]:
     """Every windowed method on the window that ends at `row`, which was accepted."""
     settings, window = state.settings, state.window
     estimates = {
-        method.name: Standing(row, method.step(window, settings.smooth.samples, options))
+        method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
         for method, options in _chosen(settings, Feed.WINDOWS)
     }
     if any(_chosen(settings, Feed.SETTLED)):
@@ -178,7 +178,7 @@ def _chosen(settings: Settings, feed: Feed) -> Iterator[tuple[Method, Any]]:
             yield method, method.options(settings.trace, noise)
 
 
-def _feed(state: State) -> tuple[State, dict[str, Standing]]:
+def _feed(state: OnlineState) -> tuple[OnlineState, dict[str, TimedEstimate]]:
     """Feed the recursive methods the oldest window that settles, unless it brakes by now."""
     settings, (row, window) = state.settings, state.settling[0]
     state = replace(state, settling=state.settling[1:])
@@ -187,25 +187,25 @@ def _feed(state: State) -> tuple[State, dict[str, Standing]]:
     newest = min(row - state.fed_row, settings.gate.window_samples)
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
-    estimates: dict[str, Standing] = {}
+    estimates: dict[str, TimedEstimate] = {}
     for method, options in _chosen(settings, Feed.SETTLED):
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
-        estimates[method.name] = Standing(row, estimate)
+        estimates[method.name] = TimedEstimate(row, estimate)
     return replace(state, pasts=pasts, fed_row=row), estimates
 
 
-def _pending(state: State, row: int, newest: int) -> State:
+def _pending(state: OnlineState, row: int, newest: int) -> OnlineState:
     """The newest samples of an accepted window will be pooled, unless they stand."""
     pending = [
         Pending(row + 1 - back, state.segments[-back], state.window.z[:, -back].copy())
         for back in range(newest, 0, -1)
-        if not state.standing[-back]
+        if not state.standstill[-back]
     ]
     return replace(state, pending=(*state.pending, *pending))
 
 
-def _pool(state: State, row: int) -> tuple[State, Mapping[str, Standing]]:
+def _pool(state: OnlineState, row: int) -> tuple[OnlineState, Mapping[str, TimedEstimate]]:
     """Pool the samples that no braking can claim any more; an estimate if a manoeuvre is over."""
     gate = state.gate
     waiting = list(state.pending)
@@ -216,11 +216,11 @@ def _pool(state: State, row: int) -> tuple[State, Mapping[str, Standing]]:
     state = replace(state, pending=tuple(waiting))
     over = not gate.known or gate.segment_id != state.pooled_id
     if over and not any(each.segment_id == state.pooled_id for each in waiting):
-        return replace(state, pool=_empty(state), pooled_id=-1), _standing(state)
+        return replace(state, pool=_empty(state), pooled_id=-1), _pooled_estimates(state)
     return state, {}
 
 
-def _add(state: State, pending: Pending) -> State:
+def _add(state: OnlineState, pending: Pending) -> OnlineState:
     return replace(
         state,
         pool=state.pool.add(pending.sample),
@@ -229,15 +229,15 @@ def _add(state: State, pending: Pending) -> State:
     )
 
 
-def _empty(state: State) -> incremental.Pool:
+def _empty(state: OnlineState) -> incremental.Pool:
     return incremental.start_pool(len(state.window.z) - 1)
 
 
-def _standing(state: State) -> Mapping[str, Standing]:
+def _pooled_estimates(state: OnlineState) -> Mapping[str, TimedEstimate]:
     if state.pool.samples == 0:
         return {}
     mean = state.settings.smooth.samples
     return {
-        method.name: Standing(state.pooled_row, method.step(state.pool, mean, options))
+        method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
         for method, options in _chosen(state.settings, Feed.SEGMENTS)
     }

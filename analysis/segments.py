@@ -6,11 +6,12 @@ from numpy.typing import NDArray
 
 from analysis.column_noise import axis_noise
 from analysis.gate import accepted_samples
+from analysis.methods import METHODS
 from analysis.phases import TURNS
 from analysis.regressor import Axis, X, Z, axes, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
-from estimators import pooled
+from estimators.estimate import Trace
 
 Ints = NDArray[np.int64]
 
@@ -62,8 +63,9 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         pooled_ids = pooled_samples(excitation, gated, settings, axis)
         used |= pooled_ids >= 0
         A, f = regressor(axis, excitation, settings)
-        options = pooled.PooledOptions(axis_noise(axis, settings).columns)
-        traced = pooled.trace(A, f, pooled_ids, options)
+        method = METHODS["pooled"]
+        options = method.options(settings.trace, axis_noise(axis, settings))
+        traced: Trace = method.estimator.trace(A, f, pooled_ids, options)
         parts.append(
             pl.DataFrame(
                 {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},

@@ -251,14 +251,25 @@ class Settings(BaseModel):
     @classmethod
     def _values_are_in_a_stage(cls, content: Any) -> Any:
         """Name the stage of a value that was given without one."""
-        if not isinstance(content, Mapping):
-            return content
-        for key, value in content.items():
-            if key in MOVED and not isinstance(value, Mapping | BaseModel):
-                raise ValueError(f"'{key}' is now 'settings.{MOVED[key]}'")
+        for key, _ in cls.refuse_moved(content):
             if key not in cls.model_fields and (meant := _nearest(key, cls.parts())):
-                raise ValueError(f"unknown key '{key}'; did you mean '{meant}'?")
+                raise ValueError(f"unknown key '{key}'; did you mean 'settings.{meant}'?")
         return content
+
+    @classmethod
+    def refuse_moved(cls, content: Any) -> list[tuple[str, Any]]:
+        """Name the new key of a value of the flat table; the values that are in no stage.
+
+        Raises:
+            ValueError: there is one.
+        """
+        if not isinstance(content, Mapping):
+            return []
+        bare = [(k, v) for k, v in content.items() if not isinstance(v, Mapping | BaseModel)]
+        for key, _ in bare:
+            if key in MOVED:
+                raise ValueError(f"'{key}' is now 'settings.{MOVED[key]}'")
+        return bare
 
     @classmethod
     def parts(cls) -> dict[str, type[BaseModel]]:
@@ -267,6 +278,14 @@ class Settings(BaseModel):
             name: field.annotation
             for name, field in cls.model_fields.items()
             if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)
+        }
+
+    def flat(self) -> dict[str, Any]:
+        """Every value by its dotted name, as plain JSON values."""
+        return {
+            f"{stage}.{name}": value
+            for stage, part in self.model_dump(mode="json").items()
+            for name, value in part.items()
         }
 
     def value(self, name: str) -> Any:

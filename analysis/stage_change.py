@@ -189,7 +189,7 @@ def _column(
                 return
         change = pl.select(pl.when(differs).then(change)).to_series()
     where = change.abs().arg_max() if change.len() else None
-    relative = size.filter(differs).max() if size.len() else None
+    relative = size.filter(differs).fill_nan(None).max() if size.len() else None
     first = differs.arg_true()[0] if where is None else where
     yield ColumnChange(
         name=x.name,

@@ -44,6 +44,7 @@ _SETTINGS = re.compile(r"(<!-- settings -->).*?(<!-- end of settings -->)", re.D
 _SCENARIO = re.compile(r"(<!-- scenario -->).*?(<!-- end of scenario -->)", re.DOTALL)
 #: Another processor gives other last bits.
 _DIGEST = re.compile(r"\b(?=[0-9a-f]*[0-9])[0-9a-f]{12}\b")
+_COMPILING = "payscope: compiling "
 _NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 
 
@@ -133,7 +134,9 @@ def _output(command: str, folder: Path) -> str:
     )
     if left.returncode not in (0, 1, 2):
         raise SystemExit(f"{command}: exit status {left.returncode}\n{left.stdout}")
-    return "\n".join(line.rstrip() for line in left.stdout.rstrip().splitlines()) + "\n"
+    lines = (line.rstrip() for line in left.stdout.rstrip().splitlines())
+    # what is said while compiling is said once an installation
+    return "\n".join(line for line in lines if not line.startswith(_COMPILING)) + "\n"
 
 
 def main(check: bool, last: str | None = None) -> int:

@@ -1,7 +1,7 @@
 """The texts of a recording, in Markdown: the answer first, then where it came from."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any, Final
 from zoneinfo import ZoneInfo
@@ -142,8 +142,7 @@ def calibration(run: Run) -> str:
 def settings(run: Run) -> str:
     """Every setting, and the machine file as resolved."""
     about = run.provenance
-    values = _flat(about.settings.model_dump(mode="json"))
-    rows = [(name, json.dumps(value)) for name, value in sorted(values)]
+    rows = [(name, json.dumps(value)) for name, value in sorted(about.settings.flat().items())]
     machine = json.dumps(about.machine, indent=2, ensure_ascii=False)
     return "\n\n".join(
         ["# Settings", table(("setting", "value"), rows), "# Machine", f"```json\n{machine}\n```"]
@@ -190,15 +189,6 @@ def _fingerprint(about: Provenance) -> str:
 def _body(about: Provenance) -> dict[str, Any]:
     body = about.machine.get("machine", {})
     return body if isinstance(body, dict) else {}
-
-
-def _flat(section: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Every setting by its dotted name, as `--set` takes it."""
-    for name, value in section.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{prefix}{name}.")
-        else:
-            yield prefix + name, value
 
 
 def _losses(about: Provenance) -> list[tuple[str, str, str]]:

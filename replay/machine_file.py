@@ -5,6 +5,7 @@ from pathlib import Path
 
 from analysis.machine import Machine
 from analysis.schema import CHANNEL_COLUMNS
+from analysis.settings import Settings
 from analysis.units import to_si
 from estimators.errors import MachineError
 from replay.readers import TimeAxis
@@ -26,6 +27,10 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
     """
     path = machine_path(Path(path))
     content = read_toml(path, MachineError)
+    try:
+        Settings.refuse_moved(content.get("settings"))
+    except ValueError as error:
+        raise MachineError(f"{path}: settings: {error}") from None
     for override in overrides:
         set_value(content, override, MachineError)
     machine = validate(path, content, Machine, MachineError)

@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.machine import Machine
 from analysis.reproduction.replayed import ReplayedCampaign
-from analysis.reproduction.sources import Digests, Repetition, Study, repetitions
+from analysis.reproduction.sources import Extracts, Repetition, Study, repetitions
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.reproduction.items import Found, Item, find
 from replay.machine_file import load_machine
@@ -29,7 +29,7 @@ class Reproduction:
         self, items: Sequence[Item[Any]], *, windows: int, campaigns: int, seed: int
     ) -> None:
         self._items = tuple(items)
-        self._digests = Digests()
+        self._digests = Extracts()
         study = Study(
             scenario=Scenario().seeded(seed),
             machine=load_machine("cat262c.toml"),
@@ -37,7 +37,7 @@ class Reproduction:
             campaigns=campaigns,
             replay=replay_simulated,
         )
-        needs = [digest for item in self._items for digest in item.needs]
+        needs = [extract for item in self._items for extract in item.needs]
         #: A simulation each: their number is the length of the progress.
         self.repetitions: tuple[Repetition, ...] = tuple(repetitions(needs, study, self._digests))
 

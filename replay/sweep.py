@@ -70,7 +70,7 @@ def sweep(
     with ExitStack() as stack:
         opened: dict[LogSection, list[ReadOnce]] = {}
         for each, machine in zip(grid, machines, strict=True):
-            on_stage(" ".join(part.rpartition(".")[2] for part in each))
+            on_stage(" ".join(part.removeprefix("settings.") for part in each))
             if machine.log not in opened:
                 opened[machine.log] = [
                     ReadOnce(stack.enter_context(open_log(path, time=time_axis(machine))))

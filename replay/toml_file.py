@@ -55,7 +55,7 @@ def set_value(content: dict[str, Any], override: str, error: type[PayscopeError]
     for section in sections:
         place = place.setdefault(section, {})
         if not isinstance(place, dict):
-            raise error(f"--set {override}: '{section}' is a value, not a section")
+            raise error(f"--set {override}: '{section}' is a value there, not a section")
     place[name] = value
 
 

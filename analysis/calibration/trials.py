@@ -2,7 +2,7 @@
 
 import polars as pl
 
-from analysis.methods import METHODS, Summary
+from analysis.methods import METHODS, LogSummary
 from analysis.run import Run
 
 
@@ -33,7 +33,7 @@ def run_estimates(replayed: Run, runs: pl.DataFrame) -> pl.DataFrame:
             weight = 1.0 / pl.col("mass_std_kg") ** 2
             mass = (
                 pl.col("mass_kg").last()
-                if METHODS[method].summary is Summary.LAST
+                if METHODS[method].summary is LogSummary.LAST
                 else (pl.col("mass_kg") * weight).sum() / weight.sum()
             )
             rows.append(

@@ -10,7 +10,7 @@ from analysis.calibration.straight_line import calibrate, run_errors
 from analysis.reproduction import paper
 from analysis.reproduction.intervals import mean_intervals
 from analysis.reproduction.replayed import ReplayedCampaign
-from analysis.reproduction.sources import CAMPAIGNS, START, Digest, Digests
+from analysis.reproduction.sources import CAMPAIGNS, START, Extract, Extracts
 
 #: Before a trial's start and after its end, so that the picture shows the gate open and close.
 _BEFORE_S: Final = 2.0
@@ -65,11 +65,11 @@ def loads_of(campaign: ReplayedCampaign) -> pl.DataFrame:
     return calibrate(estimates).join(errors, ["method", "load_kg"], "left", maintain_order="left")
 
 
-LOADS: Final = Digest(CAMPAIGNS, loads_of)
+LOADS: Final = Extract(CAMPAIGNS, loads_of)
 
 
-def _loads(digests: Digests) -> pl.DataFrame:
-    return pl.concat(digests.all(LOADS), how="vertical_relaxed")
+def _loads(extracts: Extracts) -> pl.DataFrame:
+    return pl.concat(extracts.all(LOADS), how="vertical_relaxed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +87,10 @@ class Figure6:
     implied_kg: tuple[float, float]
 
 
-def figure_6(digests: Digests) -> Figure6:
+def figure_6(extracts: Extracts) -> Figure6:
     """Average the raw masses over the campaigns."""
     means = mean_intervals(
-        _loads(digests), ["method", "load_kg", "reference_kg"], ["estimate_kg", "estimate_std_kg"]
+        _loads(extracts), ["method", "load_kg", "reference_kg"], ["estimate_kg", "estimate_std_kg"]
     )
     alphas, betas = paper.TABLE_2.values()
     lines = pl.DataFrame({"method": paper.METHODS, "paper_alpha_1": alphas, "paper_beta_kg": betas})
@@ -116,11 +116,11 @@ class Figure7:
     scatter_kg: Mapping[str, float]
 
 
-def figure_7(digests: Digests) -> Figure7:
+def figure_7(extracts: Extracts) -> Figure7:
     """Average the calibrated masses over the campaigns."""
     spread = pl.col("estimate_std_kg") * pl.col("alpha_1")
     table = mean_intervals(
-        _loads(digests).with_columns(calibrated_std_kg=spread),
+        _loads(extracts).with_columns(calibrated_std_kg=spread),
         ["method", "load_kg", "reference_kg"],
         ["calibrated_kg", "calibrated_std_kg", "error_kg", "error_left_out_kg"],
     )
@@ -140,9 +140,9 @@ class Figure8:
     middle_1: float
 
 
-def figure_8(digests: Digests) -> Figure8:
+def figure_8(extracts: Extracts) -> Figure8:
     """Average the r.m.s. errors by load and method over the campaigns."""
-    table = mean_intervals(_loads(digests), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"])
+    table = mean_intervals(_loads(extracts), ["method", "load_kg"], ["rms_kg", "rms_left_out_kg"])
     ratios = table.group_by("load_kg", maintain_order=True).agg(
         (pl.col("rms_left_out_kg") / pl.col("rms_kg")).mean().alias("ratio")
     )
@@ -154,4 +154,4 @@ def figure_8(digests: Digests) -> Figure8:
     )
 
 
-FIGURE_5: Final = Digest(START, figure_5)
+FIGURE_5: Final = Extract(START, figure_5)

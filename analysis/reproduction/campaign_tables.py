@@ -17,7 +17,7 @@ from analysis.reproduction.replayed import (
     regated,
     trial_bound_kg,
 )
-from analysis.reproduction.sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Digest, Digests
+from analysis.reproduction.sources import CAMPAIGNS, CHAINED_CAMPAIGNS, Extract, Extracts
 from analysis.reproduction.torque_chain import TorqueChain
 
 #: Methods whose smallest and largest error is compared: FGLS follows LS.
@@ -63,14 +63,14 @@ def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     )
 
 
-IDEAL_LINES: Final = Digest(CAMPAIGNS, partial(fitted_lines, chain="ideal"))
-CHAINED_LINES: Final = Digest(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="front_axle"))
+IDEAL_LINES: Final = Extract(CAMPAIGNS, partial(fitted_lines, chain="ideal"))
+CHAINED_LINES: Final = Extract(CHAINED_CAMPAIGNS, partial(fitted_lines, chain="front_axle"))
 
 
-def table_2(digests: Digests) -> Table2:
+def table_2(extracts: Extracts) -> Table2:
     """Average the lines over the campaigns."""
     lines = pl.concat(
-        [*digests.all(IDEAL_LINES), *digests.all(CHAINED_LINES)], how="vertical_relaxed"
+        [*extracts.all(IDEAL_LINES), *extracts.all(CHAINED_LINES)], how="vertical_relaxed"
     )
     means = mean_intervals(lines, ["chain", "method"], ["alpha_1", "beta_kg"])
     printed = pl.DataFrame({"method": paper.METHODS, **paper.TABLE_2}).rename(
@@ -143,22 +143,22 @@ def errors_over(
 
 THRESHOLD: Final = "threshold_nat"
 WINDOW: Final = "window_samples"
-OVER_THRESHOLDS: Final = Digest(
+OVER_THRESHOLDS: Final = Extract(
     CAMPAIGNS, partial(errors_over, setting=THRESHOLD, values=tuple(paper.TABLE_3_KG))
 )
-OVER_WINDOWS: Final = Digest(
+OVER_WINDOWS: Final = Extract(
     CAMPAIGNS, partial(errors_over, setting=WINDOW, values=tuple(map(round, paper.TABLE_4_KG)))
 )
 
 
-def table_3(digests: Digests) -> SweptTable:
+def table_3(extracts: Extracts) -> SweptTable:
     """Average the errors by threshold over the campaigns."""
-    return _swept(digests.all(OVER_THRESHOLDS), THRESHOLD, paper.TABLE_3_KG)
+    return _swept(extracts.all(OVER_THRESHOLDS), THRESHOLD, paper.TABLE_3_KG)
 
 
-def table_4(digests: Digests) -> SweptTable:
+def table_4(extracts: Extracts) -> SweptTable:
     """Average the errors by window length over the campaigns."""
-    return _swept(digests.all(OVER_WINDOWS), WINDOW, paper.TABLE_4_KG)
+    return _swept(extracts.all(OVER_WINDOWS), WINDOW, paper.TABLE_4_KG)
 
 
 def _swept(

@@ -17,7 +17,7 @@ from analysis.reproduction import paper
 from analysis.reproduction.excitation_figures import WINDOW_S
 from analysis.reproduction.intervals import mean_intervals, rms_interval
 from analysis.reproduction.replayed import ReplayedCampaign, accepting
-from analysis.reproduction.sources import CAMPAIGNS, CRUISES, Digest, Digests
+from analysis.reproduction.sources import CAMPAIGNS, CRUISES, Extract, Extracts
 from analysis.reproduction.table1 import AT_LENGTH
 from analysis.settings import Settings
 
@@ -97,8 +97,8 @@ def campaign_claims(campaign: ReplayedCampaign) -> pl.DataFrame:
     )
 
 
-CAMPAIGN_ERRORS: Final = Digest(CAMPAIGNS, campaign_claims)
-CRUISE_ERRORS: Final = Digest(CRUISES, cruise_errors_kg)
+CAMPAIGN_ERRORS: Final = Extract(CAMPAIGNS, campaign_claims)
+CRUISE_ERRORS: Final = Extract(CRUISES, cruise_errors_kg)
 TEN_SECONDS: Final = AT_LENGTH[WINDOW_S]
 
 
@@ -140,21 +140,21 @@ class Claims:
     saved_by: Literal["nothing", "refusing braking", "the index"]
 
 
-def claims(digests: Digests) -> Claims:
+def claims(extracts: Extracts) -> Claims:
     """Compare every claim with windows, campaigns and cruises."""
     means = mean_intervals(
-        pl.concat(digests.all(CAMPAIGN_ERRORS), how="vertical_relaxed"),
+        pl.concat(extracts.all(CAMPAIGN_ERRORS), how="vertical_relaxed"),
         ["method", "fed"],
         ["rms_kg", "rms_left_out_kg", "mean_abs_kg"],
     )
     gated = means.filter(pl.col("fed") == "gated")
-    windows = digests.one(TEN_SECONDS).filter(pl.col("method").is_in(paper.METHODS))
+    windows = extracts.one(TEN_SECONDS).filter(pl.col("method").is_in(paper.METHODS))
     rows = [
         *(_row("rms", "trial", row, "rms_left_out_kg") for row in gated.iter_rows(named=True)),
         _row("rms", "constant", {"found": paper.CONSTANT_KG}, "found"),
         *(_window_row(row) for row in windows.iter_rows(named=True)),
         *(_row("experiment", "trial", row, "mean_abs_kg") for row in gated.iter_rows(named=True)),
-        *_cruise_rows(np.array(digests.all(CRUISE_ERRORS))),
+        *_cruise_rows(np.array(extracts.all(CRUISE_ERRORS))),
         *_campaign_rows(means),
     ]
     frame = pl.DataFrame(rows, infer_schema_length=None).with_columns(

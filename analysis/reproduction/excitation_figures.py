@@ -10,7 +10,7 @@ import polars as pl
 from analysis.gate import gate
 from analysis.reproduction import paper
 from analysis.reproduction.replayed import ReplayedCampaign, accepting
-from analysis.reproduction.sources import LINEAR, ROTATION, Digest
+from analysis.reproduction.sources import LINEAR, ROTATION, Extract
 from analysis.schema import values
 from analysis.settings import Settings
 from estimators import fgls, ls, planar_rows, rls, tls
@@ -228,6 +228,6 @@ def _converging(series: pl.DataFrame) -> dict[str, Rms]:
     return {method: Rms(rms[method, True], rms[method, False]) for method in ("ls", "rls")}
 
 
-FIGURE_2: Final = Digest(LINEAR, figure_2)
-FIGURE_3: Final = Digest(LINEAR, figure_3)
-FIGURE_4: Final = Digest(ROTATION, figure_4)
+FIGURE_2: Final = Extract(LINEAR, figure_2)
+FIGURE_3: Final = Extract(LINEAR, figure_3)
+FIGURE_4: Final = Extract(ROTATION, figure_4)

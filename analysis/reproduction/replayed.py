@@ -68,7 +68,7 @@ def accepting(
             "gate": gated,
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
         },
-        about.model_copy(update={"settings": settings}),
+        about.model_copy(update={"settings": settings, "fingerprint": None}),
     )
     return replace(campaign, replayed=replayed)
 

@@ -1,7 +1,8 @@
 """Simulations that tables and figures are made of: each is replayed once for all of them.
 
-An item of the reproduction needs digests; a digest is made of one source; a source is simulated as
-often as the study says, one repetition at a time, so that memory does not grow with their number.
+An item of the reproduction needs extracts; an extract is made of one source; a source is simulated
+as often as the study says, one repetition at a time, so that memory does not grow with their
+number.
 """
 
 from collections.abc import Callable, Iterable
@@ -64,72 +65,72 @@ class Source(Generic[S]):
 
 
 @dataclass(frozen=True, eq=False)
-class Digest(Generic[S, T]):
+class Extract(Generic[S, T]):
     """What is kept of each repetition of a source."""
 
     source: Source[S]
     make: Callable[[S], T]
 
 
-class Digests:
-    """The digests made so far: of each, one a repetition of its source."""
+class Extracts:
+    """The extracts made so far: of each, one a repetition of its source."""
 
     def __init__(self) -> None:
-        self._made: dict[Digest[Any, Any], list[Any]] = {}
+        self._made: dict[Extract[Any, Any], list[Any]] = {}
 
-    def add(self, digest: Digest[Any, T], made: T) -> None:
-        """Keep the digest of another repetition."""
-        self._made.setdefault(digest, []).append(made)
+    def add(self, extract: Extract[Any, T], made: T) -> None:
+        """Keep the extract of another repetition."""
+        self._made.setdefault(extract, []).append(made)
 
-    def all(self, digest: Digest[Any, T]) -> list[T]:
-        """What the digest made of every repetition."""
-        return self._made[digest]
+    def all(self, extract: Extract[Any, T]) -> list[T]:
+        """What the extract made of every repetition."""
+        return self._made[extract]
 
-    def one(self, digest: Digest[Any, T]) -> T:
-        """What the digest made of a source without repetitions."""
-        (made,) = self._made[digest]
+    def one(self, extract: Extract[Any, T]) -> T:
+        """What the extract made of a source without repetitions."""
+        (made,) = self._made[extract]
         return made
 
 
 class Repetition(NamedTuple):
-    """One repetition of one source: simulated, replayed, digested."""
+    """One repetition of one source: simulated, replayed, reduced."""
 
     name: str
     take: Callable[[], None]
 
 
 def repetitions(
-    needs: Iterable[Digest[Any, Any]], study: Study, digests: Digests
+    needs: Iterable[Extract[Any, Any]], study: Study, extracts: Extracts
 ) -> list[Repetition]:
     """Plan the work: every repetition of every source that is needed.
 
     Args:
-        needs: the digests to make; those named twice are made once.
+        needs: the extracts to make; those named twice are made once.
         study: how, and how often.
-        digests: where they are kept.
+        extracts: where they are kept.
     """
-    wanted: dict[Source[Any], list[Digest[Any, Any]]] = {}
-    for digest in dict.fromkeys(needs):
-        wanted.setdefault(digest.source, []).append(digest)
+    wanted: dict[Source[Any], list[Extract[Any, Any]]] = {}
+    for extract in dict.fromkeys(needs):
+        wanted.setdefault(extract.source, []).append(extract)
     planned: list[Repetition] = []
     for source, of_it in wanted.items():
         repeats = source.repeats(study)
         for number in range(repeats):
             name = source.name if repeats == 1 else f"{source.name} {number + 1}"
-            planned.append(Repetition(name, partial(_take, source, number, of_it, study, digests)))
+            planned.append(Repetition(name, partial(_take, source, number, of_it, study, extracts)))
     return planned
 
 
 def _take(
     source: Source[Any],
     number: int,
-    wanted: Iterable[Digest[Any, Any]],
+    wanted: Iterable[Extract[Any, Any]],
     study: Study,
-    digests: Digests,
+    extracts: Extracts,
 ) -> None:
     made = source.make(study, number)
-    for digest in wanted:
-        digests.add(digest, digest.make(made))
+    for extract in wanted:
+        extracts.add(extract, extract.make(made))
 
 
 class SteadyStudy(NamedTuple):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from analysis.reproduction import paper
 from analysis.reproduction.intervals import CONFIDENCE, lowest, rms_interval
 from analysis.reproduction.oscillation import MeasuredWindows, SteadyDrive
-from analysis.reproduction.sources import OSCILLATION, Digest, Digests, SteadyStudy
+from analysis.reproduction.sources import OSCILLATION, Extract, Extracts, SteadyStudy
 from analysis.simulation.scenario import SimulatedSensors
 from estimators import fgls, ls, rls, tls
 from estimators.rls import RlsOptions
@@ -77,9 +77,9 @@ class Table1:
     scaled: Mapping[str, Any]
 
 
-def table_1(digests: Digests) -> Table1:
+def table_1(extracts: Extracts) -> Table1:
     """Compare the errors of all lengths with the printed ones."""
-    table = pl.concat([digests.one(digest) for digest in AT_LENGTH.values()])
+    table = pl.concat([extracts.one(extract) for extract in AT_LENGTH.values()])
     beside = table.filter(pl.col("paper_kg").is_not_null())
     ours = {
         str(method): lowest(dict(part.select("window_s", "rmse_kg").iter_rows()))[0]
@@ -89,7 +89,7 @@ def table_1(digests: Digests) -> Table1:
     over_bound = long["over_bound_1"].to_list()
     long_rms = _rms_over_bound(long)
     forgetting = RlsOptions().forgetting
-    noisier = {row["method"]: row for row in digests.one(RAW_UNITS).iter_rows(named=True)}
+    noisier = {row["method"]: row for row in extracts.one(RAW_UNITS).iter_rows(named=True)}
     return Table1(
         frame=table,
         beside=beside.height,
@@ -258,7 +258,7 @@ def _raw_units(study: SteadyStudy) -> pl.DataFrame:
 
 #: The rows of each length.
 AT_LENGTH: Final = {
-    window_s: Digest(OSCILLATION, partial(_at_length, window_s=window_s))
+    window_s: Extract(OSCILLATION, partial(_at_length, window_s=window_s))
     for window_s in paper.TABLE_1_KG
 }
-RAW_UNITS: Final = Digest(OSCILLATION, _raw_units)
+RAW_UNITS: Final = Extract(OSCILLATION, _raw_units)

@@ -11,7 +11,7 @@ import polars as pl
 
 from analysis.reproduction import campaign_figures, campaign_tables, claims, excitation_figures
 from analysis.reproduction import table1 as window_table
-from analysis.reproduction.sources import Digest, Digests
+from analysis.reproduction.sources import Extract, Extracts
 from recordings.reproduction import (
     claims_sentences,
     figure_sentences,
@@ -51,7 +51,7 @@ class Item(Generic[N]):
     Attributes:
         name: as the command line has it.
         title: what it shows.
-        needs: the digests that it is made of.
+        needs: the extracts that it is made of.
         numbers: makes its numbers of them.
         said: makes its sentences of the numbers.
         frame: the frame of the CSV file, labelled where the numbers' own frame has keys.
@@ -61,8 +61,8 @@ class Item(Generic[N]):
 
     name: str
     title: str
-    needs: tuple[Digest[Any, Any], ...]
-    numbers: Callable[[Digests], N]
+    needs: tuple[Extract[Any, Any], ...]
+    numbers: Callable[[Extracts], N]
     said: Callable[[N], Said]
     frame: Callable[[N], pl.DataFrame] = _own_frame
     tables: Callable[[pl.DataFrame], list[Shown]] = _no_tables
@@ -78,15 +78,15 @@ class Found:
     said: Said
 
 
-def find(item: Item[N], digests: Digests) -> Found:
-    """Make an item of the digests that it needs."""
-    numbers = item.numbers(digests)
+def find(item: Item[N], extracts: Extracts) -> Found:
+    """Make an item of the extracts that it needs."""
+    numbers = item.numbers(extracts)
     return Found(item, item.frame(numbers), item.said(numbers))
 
 
-def _of(digest: Digest[Any, N]) -> Callable[[Digests], N]:
-    """An item that is the digest of a single simulation."""
-    return lambda digests: digests.one(digest)
+def _of(extract: Extract[Any, N]) -> Callable[[Extracts], N]:
+    """An item that is the extract of a single simulation."""
+    return lambda extracts: extracts.one(extract)
 
 
 #: In the paper's order.

@@ -3,14 +3,12 @@
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
+from analysis.methods import METHODS
+
 #: How a sentence calls the methods.
 NAMES: Final = {
-    "ls": "LS",
-    "rls": "RLS",
-    "fgls": "FGLS",
-    "tls": "TLS",
+    **{name: method.title for name, method in METHODS.items()},
     "tls_raw": "TLS on raw units",
-    "pooled": "pooled LS",
 }
 #: What is said of a figure that comes without numbers.
 NO_NUMBERS: Final = "The paper prints no numbers with this figure."

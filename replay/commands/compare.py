@@ -71,7 +71,7 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
         ("checks passed", found.checks),
         ("inputs", found.inputs),
         ("versions", found.versions),
-        ("losses, notes and stamps", found.told),
+        ("losses, notes and stamps", found.provenance),
     ):
         if changes:
             part(f"{title}:", _values(changes), len(changes))
@@ -121,6 +121,7 @@ _UNITS: Final = {
     "friction_x_N_s_m": "friction N·s/m",
     "coulomb_x_N": "Coulomb N",
     "inertia_z_kg_m2": "yaw inertia kg·m²",
+    "friction_z_N_m_s": "turning N·m·s",
 }
 
 
@@ -132,7 +133,7 @@ def _estimates(about: str, changes: Iterable["EstimateChange"]) -> "Table":
     for each in list(changes)[:_SHOWN]:
         table.add_row(
             each.about,
-            _UNITS[each.quantity],
+            _UNITS.get(each.quantity, each.quantity),
             _estimate(each.a, each.a_std),
             _estimate(each.b, each.b_std),
             _signed(each.change),

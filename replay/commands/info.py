@@ -37,9 +37,9 @@ def command(
     from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
     from estimators.errors import LogError
+    from replay.commands.options import time_axis_of
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
-    from replay.commands.table_time import time_axis_of
     from replay.info import describe
     from replay.readers import open_log
 

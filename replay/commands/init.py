@@ -15,7 +15,7 @@ def command(
 ) -> None:
     """Draft a machine file from the contents of a log, to be checked and completed by hand."""
     from recordings.output import keep_apart, whole_file
-    from replay.commands.table_time import time_axis_of
+    from replay.commands.options import time_axis_of
     from replay.guess import machine_file
     from replay.readers import open_log
 

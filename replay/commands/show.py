@@ -1,10 +1,11 @@
 """`payscope show`: any intermediate of a recording, without a screen."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
+
+from replay.commands.options import FrameFormat
 
 if TYPE_CHECKING:
     import polars as pl
@@ -13,15 +14,6 @@ if TYPE_CHECKING:
 _ROWS_SHOWN: Final = 40
 #: Characters of a line of a table.
 _NO_LIMIT: Final = 10_000
-
-
-class Format(StrEnum):
-    """How a stage is printed."""
-
-    table = "table"
-    csv = "csv"
-    json = "json"
-    parquet = "parquet"
 
 
 def command(
@@ -36,7 +28,7 @@ def command(
     ] = None,
     end_s: Annotated[float | None, typer.Option("--to", help="Last second to print.")] = None,
     output_format: Annotated[
-        Format | None,
+        FrameFormat | None,
         typer.Option("--format", help="Default: by the suffix of -o, or a table."),
     ] = None,
     output: Annotated[
@@ -50,10 +42,10 @@ def command(
         _show_stage(recording, stage, (start_s, end_s), wanted, output, force=force)
     elif (start_s, end_s, output) != (None, None, None):
         raise typer.BadParameter("--from, --to and -o are for a stage; name one")
-    elif output_format not in (None, Format.table, Format.json):
+    elif output_format not in (None, FrameFormat.table, FrameFormat.json):
         raise typer.BadParameter("stages are listed as table or json; name one to print it")
     else:
-        _list_stages(recording, as_json=output_format is Format.json)
+        _list_stages(recording, as_json=output_format is FrameFormat.json)
 
 
 def _list_stages(recording: Path, *, as_json: bool) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
+
+from replay.commands.options import FrameFormat
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,15 +28,6 @@ _TITLES: Final = {
     "calibrated_rmse_kg": "The same after calibration by (19), kg",
     "left_out_rmse_kg": "The same with the run's own load left out of the fit, kg",
 }
-
-
-class Format(StrEnum):
-    """How the rows are printed."""
-
-    table = "table"
-    csv = "csv"
-    json = "json"
-    parquet = "parquet"
 
 
 def command(
@@ -63,7 +55,7 @@ def command(
         ),
     ] = None,
     output_format: Annotated[
-        Format | None,
+        FrameFormat | None,
         typer.Option("--format", help="Default: by the suffix of -o, or a table."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
@@ -78,11 +70,11 @@ def command(
     masses are given as in the paper's Tables 3 and 4. A combination that cannot weigh has no mass.
     Exit status 1 if none can.
     """
-    if as_json and output_format not in (None, Format.json):
+    if as_json and output_format not in (None, FrameFormat.json):
         raise typer.BadParameter("--json and --format differ; give one of them")
     if reference_kg is not None and not 0.0 < reference_kg < math.inf:
         raise typer.BadParameter(f"--reference {reference_kg:g}: give a mass in kg, above 0")
-    wanted = Format.json if as_json else output_format
+    wanted = FrameFormat.json if as_json else output_format
     weighs = _print_sweep(
         (logs, machine, overrides or [], over),
         reference_kg=reference_kg,
@@ -141,7 +133,8 @@ def _print_sweep(
 
 def _nested(row: Row) -> dict[str, Any]:
     """A row as `run --json` gives it, with what was varied and the errors."""
-    left_out = ("losses", "notes", "recording")
+    # logs that are replayed many times are not hashed
+    left_out = ("losses", "notes", "recording", "fingerprint")
     told = {name: value for name, value in row.answer.to_dict().items() if name not in left_out}
     return {"over": _typed(row), **told, **row.errors}
 

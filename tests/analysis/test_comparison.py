@@ -82,7 +82,7 @@ def test_rows_correspond_by_time_also_where_the_runs_begin_at_other_times():
     found = held(run({"gate": GATE}), later)
     (stage,) = found.stages
     assert (stage.rows_a, stage.rows_b, stage.common, stage.columns) == (4, 3, 3, ())
-    assert [each.name for each in found.told] == ["first aligned sample, unix ns"]
+    assert [each.name for each in found.provenance] == ["first aligned sample, unix ns"]
 
 
 def test_a_column_or_stage_that_one_lacks_and_another_dtype_are_named():

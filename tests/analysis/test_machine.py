@@ -59,7 +59,7 @@ def test_an_unknown_key_is_refused_in_every_section(sections):
 
 def test_a_setting_outside_its_stage_is_refused_with_the_stage():
     assert refusal(settings={"windows": 3}) == (
-        "unknown key 'windows'; did you mean 'gate.window_samples'?"
+        "unknown key 'windows'; did you mean 'settings.gate.window_samples'?"
     )
 
 

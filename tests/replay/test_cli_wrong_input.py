@@ -61,7 +61,7 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "--set", "settings.window_sample=400")
-        one_line(said, "settings: unknown key 'window_sample'", "'gate.window_samples'?")
+        one_line(said, "settings: unknown key 'window_sample'", "'settings.gate.window_samples'?")
         said = payscope("run", log, "-m", machine_file, "--set", "settings.gate.window=400")
         one_line(said, "settings.gate.window", "did you mean 'window_samples'?")
 
@@ -73,6 +73,13 @@ class TestWrongInput:
         machine_file.write_text(f"{head}[settings]\n{old} = 1\n")
         said = payscope("run", log, "-m", machine_file)
         one_line(said, "sledge.toml", f"'{old}' is now 'settings.{new}'")
+
+    @pytest.mark.parametrize(("stage", "meant"), [("gat", "gate"), ("smoth", "smooth")])
+    def test_a_misspelt_stage_is_answered_with_the_stage(
+        self, payscope: Payscope, log: Path, machine_file: Path, stage: str, meant: str
+    ) -> None:
+        said = payscope("run", log, "-m", machine_file, "--set", f"settings.{stage}.samples=4")
+        one_line(said, f"unknown key 'settings.{stage}'; did you mean '{meant}'?")
 
     def test_override_without_a_value(
         self, payscope: Payscope, log: Path, machine_file: Path

@@ -34,7 +34,8 @@ def test_a_package_that_shadows_ours_is_named_in_one_line(
     left = payscope("--version", path=tmp_path)
     assert left.returncode == 2
     assert left.stderr.count("\n") == 1
-    assert f"payscope: {tmp_path / name}: is imported in the place of payscope" in left.stderr
+    assert f"payscope: {tmp_path / name}/__init__.py: is imported in the place of" in left.stderr
+    assert f"take {tmp_path} off PYTHONPATH" in left.stderr
     assert "environment of its own" in left.stderr
 
 

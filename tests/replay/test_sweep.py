@@ -155,7 +155,7 @@ class TestWrongInput:
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
         said = payscope("sweep", log, "-m", machine_file, "--over", "settings.threshold=0.5,0.7")
-        one_line(said, "unknown key 'threshold'", "did you mean 'gate.threshold_nat'?")
+        one_line(said, "unknown key 'threshold'", "did you mean 'settings.gate.threshold_nat'?")
 
     def test_a_value_that_does_not_fit(
         self, payscope: Payscope, log: Path, machine_file: Path

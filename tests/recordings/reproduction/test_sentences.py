@@ -6,7 +6,7 @@ import polars as pl
 import pytest
 
 from analysis.reproduction.oscillation import steady_drive
-from analysis.reproduction.sources import Digest, Digests, SteadyStudy
+from analysis.reproduction.sources import Extract, Extracts, SteadyStudy
 from analysis.reproduction.table1 import AT_LENGTH, RAW_UNITS, Table1, table_1
 from analysis.simulation import Scenario
 from analysis.simulation.scenario import SimulatedSensors
@@ -14,17 +14,17 @@ from recordings.reproduction import table_sentences
 
 
 @cache
-def simulated(windows: int) -> dict[Digest[SteadyStudy, pl.DataFrame], pl.DataFrame]:
+def simulated(windows: int) -> dict[Extract[SteadyStudy, pl.DataFrame], pl.DataFrame]:
     study = SteadyStudy(steady_drive(Scenario()), SimulatedSensors(), windows)
-    return {digest: digest.make(study) for digest in (*AT_LENGTH.values(), RAW_UNITS)}
+    return {extract: extract.make(study) for extract in (*AT_LENGTH.values(), RAW_UNITS)}
 
 
 def found(windows: int, further: float) -> Table1:
     """Table 1 of so many windows, its errors further from the bound by this share."""
-    digests = Digests()
-    for digest, frame in simulated(windows).items():
-        digests.add(digest, frame.with_columns(pl.col("over_bound_1") * (1.0 + further)))
-    return table_1(digests)
+    extracts = Extracts()
+    for extract, frame in simulated(windows).items():
+        extracts.add(extract, frame.with_columns(pl.col("over_bound_1") * (1.0 + further)))
+    return table_1(extracts)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,22 @@
-"""`--time` and `--time-unit` of the commands that look at a log without a machine file."""
+"""Options that several commands have."""
 
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 import typer
 
 if TYPE_CHECKING:
     from replay.readers import TimeAxis
+
+
+class FrameFormat(StrEnum):
+    """How a frame is printed or written."""
+
+    table = "table"
+    csv = "csv"
+    json = "json"
+    parquet = "parquet"
+
 
 _UNITS = ("s", "ms", "us", "ns")
 
