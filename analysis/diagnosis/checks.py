@@ -221,8 +221,8 @@ CHECKS: Final = (
         "spin_centre",
         "inertia",
         _spin_centre,
-        "metres from the origin to the point that the accelerometer says spins turn about; off it, "
-        "mass is told as inertia",
+        "metres from the origin to the point that spins turn about, by the accelerometer; off it, "
+        "mass leaks into the inertia estimate",
         maximum="spin_centre_max_m",
         applies=lambda evidence, _: evidence.has("specific_force_x_m_s2", "specific_force_y_m_s2"),
     ),
