@@ -22,7 +22,6 @@ from analysis.regressor import (
 )
 from analysis.schema import build, values
 from analysis.settings import Settings
-from estimators.estimate import Trace
 from estimators.window_mean import mean_estimate
 
 Floats = NDArray[np.float64]
@@ -79,7 +78,7 @@ def pooled_over_log(
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
     options = method.options(settings.trace, axis_noise(axis, settings))
-    whole: Trace = method.estimator.trace(A, f, np.where(used, 0, -1), options)
+    whole = method.estimator.trace(A, f, np.where(used, 0, -1), options)
     return whole.theta[0], whole.std[0]
 
 

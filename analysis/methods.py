@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from enum import Enum
 from importlib import import_module
 from operator import attrgetter
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 from pydantic import BaseModel, ConfigDict, Field
 
 if TYPE_CHECKING:
-    from estimators.estimate import Floats
+    from estimators.estimate import Floats, Trace
     from estimators.fgls import FglsOptions
     from estimators.huber import HuberOptions
     from estimators.ls import LsOptions
@@ -72,6 +71,15 @@ class AxisNoise:
     columns: "Floats | None"
 
 
+class EstimatorModule(Protocol):
+    """What every module of an estimator has."""
+
+    @property
+    def trace(self) -> "Callable[..., Trace]":
+        """Estimates over a log, as it is fed by `Feed`."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Method:
     """One estimator; its module is imported when it is first asked for, and compiled then.
@@ -98,9 +106,9 @@ class Method:
     takes_noise_off: bool = False
 
     @property
-    def estimator(self) -> ModuleType:
+    def estimator(self) -> EstimatorModule:
         """Its module."""
-        return import_module(f"estimators.{self.name}")
+        return cast("EstimatorModule", import_module(f"estimators.{self.name}"))
 
     @property
     def step(self) -> Callable[..., Any]:

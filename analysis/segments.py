@@ -11,7 +11,6 @@ from analysis.phases import TURNS
 from analysis.regressor import Axis, X, Z, axes, regressor, trace_columns
 from analysis.schema import PHASE, REASON, build
 from analysis.settings import Settings
-from estimators.estimate import Trace
 
 Ints = NDArray[np.int64]
 
@@ -65,7 +64,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         A, f = regressor(axis, excitation, settings)
         method = METHODS["pooled"]
         options = method.options(settings.trace, axis_noise(axis, settings))
-        traced: Trace = method.estimator.trace(A, f, pooled_ids, options)
+        traced = method.estimator.trace(A, f, pooled_ids, options)
         parts.append(
             pl.DataFrame(
                 {"segment_id": pooled_ids[traced.index], **trace_columns(axis, traced)},

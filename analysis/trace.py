@@ -1,6 +1,8 @@
 """Run the chosen estimators over the accepted windows."""
 
 from dataclasses import replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -42,17 +44,23 @@ def _traces(
     """Every method over one axis."""
     A, f = regressor(axis, excitation, settings)
     window = settings.gate.window_samples
-    fed = {
-        Feed.WINDOWS: (window, gated[f"accepted_{axis.letter}"].to_numpy()),
-        Feed.SETTLED: (window, settled_windows(excitation, gated, settings, axis)),
-        Feed.SEGMENTS: (pooled_samples(excitation, gated, settings, axis),),
-    }
+
+    @cache
+    def fed(feed: Feed) -> tuple[Any, ...]:
+        match feed:
+            case Feed.WINDOWS:
+                return window, gated[f"accepted_{axis.letter}"].to_numpy()
+            case Feed.SETTLED:
+                return window, settled_windows(excitation, gated, settings, axis)
+            case Feed.SEGMENTS:
+                return (pooled_samples(excitation, gated, settings, axis),)
+
     noise = axis_noise(axis, settings)
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:
         method = METHODS[name]
         options = method.options(settings.trace, noise)
-        traced: Trace = method.estimator.trace(A, f, *fed[method.feed], options)
+        traced = method.estimator.trace(A, f, *fed(method.feed), options)
         if method.feed is not Feed.SEGMENTS:
             unseen = systematic(axis, method, A, f, traced.index, traced.theta, settings)
             traced = replace(traced, std=np.hypot(traced.std, unseen))

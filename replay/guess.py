@@ -51,7 +51,7 @@ class Guess:
     field: str
 
 
-def machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
+def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
     """Write a machine file for a log.
 
     Args:

@@ -217,3 +217,13 @@ def test_a_circle_is_found() -> None:
         ["c", "a", "b", "c"],
     )
     assert circle({"a": {"b", "c"}, "b": {"c"}}) == []
+
+
+def test_no_two_classes_share_a_name() -> None:
+    """One name, one concept (docs/glossary.md)."""
+    places: dict[str, list[str]] = {}
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(f"{path.relative_to(REPO)}:{node.lineno}")
+    assert not {name: found for name, found in places.items() if len(found) > 1}

@@ -105,7 +105,7 @@ def _head(info: "LogInfo", zone: tzinfo) -> Iterator[str]:
 
 
 def _verdict(info: "LogInfo") -> Iterator[tuple[str, str]]:
-    """What a check found, in a line (mark and text) that no log has which was not checked."""
+    """Yield the outcome of --check as mark and text; nothing for a log that was not checked."""
     from estimators.errors import counted
 
     if info.checked is None:

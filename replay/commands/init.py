@@ -16,13 +16,13 @@ def command(
     """Draft a machine file from the contents of a log, to be checked and completed by hand."""
     from recordings.output import keep_apart, whole_file
     from replay.commands.options import time_axis_of
-    from replay.guess import machine_file
+    from replay.guess import draft_machine_file
     from replay.readers import open_log
 
     axis = time_axis_of(time, time_unit)
     with open_log(log, time=axis) as opened:
         keep_apart(output, opened.files)
-        text, lacking = machine_file(opened, axis)
+        text, lacking = draft_machine_file(opened, axis)
     with whole_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:
