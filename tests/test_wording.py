@@ -54,3 +54,12 @@ def test_help_texts_name_their_subject_and_end_in_a_full_stop() -> None:
         for where, text in texts:
             assert text.split()[0] not in FREE_OPENINGS, f"{where}: {text}"
             assert text.endswith("."), f"{where}: {text}"
+
+
+def test_every_name_in_the_glossary_is_in_the_code() -> None:
+    sources = "\n".join(p.read_text(encoding="utf-8") for p in TEXTS if p.suffix == ".py")
+    rows = re.findall(r"^\|[^|]+\|[^|]+\|([^|]+)\|$", (REPO / "docs/glossary.md").read_text(), re.M)
+    names = [name for row in rows for name in re.findall(r"`([\w.]+)`", row)]
+    assert len(names) > 30
+    for name in names:
+        assert re.search(rf"\b{re.escape(name.rpartition('.')[2])}\b", sources), name
