@@ -90,10 +90,12 @@ class BagFile(BlockFile):
         walk = BagWalk(self._store, begin, self._describe)
         self._store.survey(walk.chunks())
         position = b"" if header is None else header.fields.get(b"index_pos", b"")
-        why = "its recorder did not end" if position == bytes(8) else "its index is damaged"
+        unfinished = position == bytes(8)
+        why = "the recorder did not finish it" if unfinished else "the index is damaged"
         torn = torn_end(self._file.size - walk.whole, self._store.torn_messages)
         damage.note(
-            f"{why}: read from start to end, every whole message{until(self._store.last_ns)}{torn}"
+            f"{why}: scanned from start to end, all whole messages are read"
+            f"{until(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

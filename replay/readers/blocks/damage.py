@@ -67,7 +67,7 @@ class BlockDamage(Damage):
             yield (
                 f"{size:,} bytes cannot be read, in {len(self._gaps)} "
                 f"{'place' if len(self._gaps) == 1 else 'places, the first'} at byte "
-                f"{min(self._gaps)}; what stands behind is read"
+                f"{min(self._gaps)}; the records after it are read"
             )
 
 

@@ -129,7 +129,7 @@ class BlockStore:
         for key, parts in self._times.items():
             if key not in topics:
                 count = sum(times.size for times in parts)
-                self.damage.note(f"{count:,} messages of connection {key}, which nothing describes")
+                self.damage.note(f"{count:,} messages of connection {key}, which has no definition")
             elif self._late[key]:
                 self.damage.note(
                     f"{self._late[key]:,} messages have log times beyond the year 2262: not used",
@@ -212,7 +212,7 @@ class BlockStore:
         if unread and not block.is_torn:
             self.damage.note(
                 f"{unread:,} of {block.room:,} bytes in the chunk at byte "
-                f"{block.record_offset} are no whole records and not read"
+                f"{block.record_offset} form no whole record and are not read"
             )
 
 

@@ -114,15 +114,15 @@ class McapFile(BlockFile):
         if walk.has_footer or walk.data_ended:  # behind the data there is only an index
             if fault:
                 self._store.damage.note(
-                    f"{fault}: torn or damaged behind its data, which has its proper end and is "
-                    "read from start to end"
+                    f"{fault}: torn or damaged after the data, which is complete and was scanned "
+                    "from start to end"
                 )
             return
         size = self._file.size
         torn = torn_end(size - walk.whole, self._store.torn_messages)
         self._store.damage.note(
-            f"breaks off after byte {walk.whole} of {size}, without a footer: every whole message "
-            f"is read{until(self._store.last_ns)}{torn}"
+            f"breaks off after byte {walk.whole} of {size}, without a footer: all whole messages "
+            f"are read{until(self._store.last_ns)}{torn}"
         )
 
     def _describe(self, op: int, content: bytes, at: int) -> None:

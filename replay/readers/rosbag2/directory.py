@@ -55,15 +55,15 @@ class Rosbag2Directory:
         names = tuple(n for n in names if n.removesuffix(".zstd") == n or n[:-5] not in names)
         if not (self._path / METADATA).exists():
             what = (
-                "is not there, so its recorder did not end or files were left behind: what is here "
-                "is read by name, nothing tells whether it is all"
+                "is missing, so the recorder did not finish or files were left behind: the files "
+                "found are read in the order of their names, and others may be missing"
             )
             self._losses.note(self._path / METADATA, what)
             return Metadata(names)
         try:
             metadata = read_metadata(self._path)
         except MetadataError as error:
-            what = f"cannot be read, files are taken by name: {error}"
+            what = f"cannot be read, so the files are read in the order of their names: {error}"
             self._losses.note(self._path / METADATA, what)
             return Metadata(names)
         self._compare_names(metadata.names, names)

@@ -48,8 +48,8 @@ class Db3File:
             unfinished = journal.exists() and journal.stat().st_size > 0
             if unfinished and (unclosed := unclosed_bytes(journal)):
                 self._damage.note(
-                    f"its recorder did not end: the last {unclosed:,} bytes of {journal.name} are "
-                    "messages that it never committed, and are not read"
+                    f"the recorder did not finish it: the last {unclosed:,} bytes of "
+                    f"{journal.name} are messages that it never committed, and are not read"
                 )
             self._database = _connect(path, unfinished=unfinished)
             opened.callback(self._database.close)
@@ -110,7 +110,7 @@ class Db3File:
             self._times = {key: self._since_1970(key, np.concatenate(parts[key])) for key in parts}
             for key in self._times.keys() - {c.id for c in self.connections}:
                 count = self._times[key].size
-                self._damage.note(f"{count:,} messages of topic {key}, which nothing describes")
+                self._damage.note(f"{count:,} messages of topic {key}, which has no definition")
         return self._times.get(connection_id, no_times())
 
     def _since_1970(self, key: int, times: NDArray[np.int64]) -> NDArray[np.int64]:

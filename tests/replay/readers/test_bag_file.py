@@ -24,8 +24,8 @@ def test_a_bag_without_an_index_is_read_from_start_to_end(tmp_path: Path) -> Non
         assert frame["effort[left]"].to_list() == [float(k) for k in range(50)]
         assert log.topics()["messages"].to_list() == [50]
         assert [loss.what for loss in log.losses()] == [
-            "its recorder did not end: read from start to end, every whole message, the last at "
-            "log time 0.000001049 s"
+            "the recorder did not finish it: scanned from start to end, all whole messages are "
+            "read, the last at log time 0.000001049 s"
         ]
 
 

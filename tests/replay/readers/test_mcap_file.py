@@ -71,7 +71,7 @@ def test_a_file_torn_anywhere_keeps_every_complete_chunk_and_states_the_tear(
         assert times == [1000 + k for k in range(len(times))]
         assert topics["messages"].to_list() == [len(times)]
         *_, loss = log.losses()
-        behind_the_data = "torn or damaged behind its data" in loss.what
+        behind_the_data = "torn or damaged after the data" in loss.what
         assert ("without a footer" in loss.what) != behind_the_data
         assert len(times) == 200 or not behind_the_data
 
@@ -97,7 +97,7 @@ def test_a_tear_behind_the_data_costs_no_message_and_is_a_loss(
     with open_log(path) as log:
         assert log.read("/joints", ["effort[left]"]).height == 200
         assert [loss.what for loss in log.losses()] == [
-            f"{fault}: torn or damaged behind its data, which has its proper end and is read from "
+            f"{fault}: torn or damaged after the data, which is complete and was scanned from "
             "start to end"
         ]
 

@@ -46,7 +46,7 @@ def test_without_metadata_the_files_are_read_by_number_and_a_loss_says_that_some
     assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
     (loss,) = log.losses()
     assert loss.source == "metadata.yaml"
-    assert "nothing tells whether it is all" in loss.what
+    assert "others may be missing" in loss.what
 
 
 def test_metadata_gives_the_order_and_the_topics_that_stayed_silent(split: Path) -> None:
@@ -64,7 +64,7 @@ def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str,
     yaml.write_text(yaml.read_text().replace(old, new))
     log = open_log(split)
     assert log.read("/joints", ["effort[left]"])["effort[left]"].to_list() == EFFORT
-    assert "files are taken by name" in log.losses()[0].what
+    assert "the files are read in the order of their names" in log.losses()[0].what
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,11 @@ def test_broken_metadata_is_a_loss_and_the_files_are_read(split: Path, old: str,
 )
 def test_what_is_wrong_with_metadata_is_said_in_words(split: Path, text: str, fault: str) -> None:
     (split / "metadata.yaml").write_text(text)
-    assert open_log(split).losses()[0].what.endswith(f"files are taken by name: {fault}")
+    assert (
+        open_log(split)
+        .losses()[0]
+        .what.endswith(f"the files are read in the order of their names: {fault}")
+    )
 
 
 def test_metadata_that_is_a_pipe_is_not_waited_for(split: Path) -> None:

@@ -188,7 +188,7 @@ def test_a_bag_of_which_bytes_are_missing_is_read_but_for_what_they_tore(shared_
     found = dict(counts(log))
     assert sum(found.values()) == sum(whole.values()) - 8
     assert all(found[topic] <= whole[topic] for topic in found)
-    assert any("its index is damaged" in loss.what for loss in log.losses())
+    assert any("the index is damaged" in loss.what for loss in log.losses())
     assert any("bytes in the chunk at byte 4117" in loss.what for loss in log.losses())
 
 
