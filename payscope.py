@@ -1,7 +1,8 @@
 """The installed command, in a module of its own name.
 
 Distributions with packages named `analysis` or `replay` exist. One that Python finds before ours
-is named in one line, before anything of ours is imported.
+is named in one line, before anything of ours is imported; one whose files were installed into our
+folders is named when an import fails.
 """
 
 import sys
@@ -10,11 +11,12 @@ from pathlib import Path
 from typing import NoReturn
 
 _OURS = Path(__file__).resolve().parent
+_PACKAGES = ("estimators", "analysis", "recordings", "replay")
 
 
 def main() -> None:
     """Run the command line, unless another distribution stands in the place of our packages."""
-    for name in ("estimators", "analysis", "recordings", "replay"):
+    for name in _PACKAGES:
         found = find_spec(name)
         if found is None or found.origin is None:
             _refuse(f"{_OURS / name}: the package is not there; install payscope anew")
@@ -26,9 +28,18 @@ def main() -> None:
                 f"payscope into an environment of its own (pipx install), or take {on_path} off "
                 "PYTHONPATH, or start from another folder"
             )
-    from replay.commands.cli import main
+    try:
+        from replay.commands.cli import main
 
-    main()
+        main()
+    except ImportError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in _PACKAGES:
+            raise
+        _refuse(
+            f"{_OURS / package}: files of another distribution lie among payscope's own ({error}); "
+            "install payscope anew, in an environment of its own (pipx install)"
+        )
 
 
 def _refuse(fault: str) -> NoReturn:

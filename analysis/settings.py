@@ -266,9 +266,9 @@ class Settings(BaseModel):
         if not isinstance(content, Mapping):
             return []
         bare = [(k, v) for k, v in content.items() if not isinstance(v, Mapping | BaseModel)]
-        for key, _ in bare:
-            if key in MOVED:
-                raise ValueError(f"'{key}' is now 'settings.{MOVED[key]}'")
+        moved = [f"'{key}' is now 'settings.{MOVED[key]}'" for key, _ in bare if key in MOVED]
+        if moved:
+            raise ValueError(", ".join(moved))
         return bare
 
     @classmethod

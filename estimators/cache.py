@@ -34,15 +34,30 @@ def folder_of(source: Path) -> Path:
     """
     inside = source.relative_to(_HOUSE)
     module = ".".join(inside.with_suffix("").parts)
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 - no error without a home
-    usual = (_HOUSE / inside.parts[0] / "__pycache__" / _NAME, Path(home, "payscope", _NAME))
-    for parent in (Path(chosen, _NAME),) if chosen else usual:
+    for parent in _parents(inside.parts[0]):
         folder = parent / module / _digest(source)
         if _is_writable(folder):
             _forget_old(folder)
             return folder
     return _passing() / module
+
+
+def forget() -> list[Path]:
+    """Remove what is kept, since some of it cannot be read; the folders that were removed."""
+    packages = [path.parent.name for path in _HOUSE.glob("*/__init__.py")]
+    kept = {parent for package in packages for parent in _parents(package) if parent.is_dir()}
+    for parent in kept:
+        shutil.rmtree(parent, ignore_errors=True)
+    return sorted(kept)
+
+
+def _parents(package: str) -> tuple[Path, ...]:
+    """Where the folders of a package's modules may lie, the first choice first."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    if chosen:
+        return (Path(chosen, _NAME),)
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 - no error without a home
+    return (_HOUSE / package / "__pycache__" / _NAME, Path(home, "payscope", _NAME))
 
 
 @cache

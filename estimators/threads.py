@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from numba.core import config
-from threadpoolctl import threadpool_limits
 
 #: Windows that are worked on together: their sums stay in the cache, and Python costs nothing.
 CHUNK: Final = 8192
@@ -44,5 +43,7 @@ def one_blas_thread() -> Generator[None]:
     many there are. What is long is worked on by loops of our own, so nothing becomes slower.
     The limit is the process's: whoever sets it first lifts it for all.
     """
+    from threadpoolctl import threadpool_limits  # sets an environment variable when imported
+
     with threadpool_limits(limits=1, user_api="blas"):
         yield

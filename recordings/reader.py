@@ -125,7 +125,7 @@ def opened(path: str | Path) -> "Generator[OpenRecording]":
     if not path.exists():
         raise RecordingError(f"{path}: no such recording; `payscope run` writes one")
     if not path.is_file():
-        raise RecordingError(f"{path}: not a recording but a folder; name the .rrd file in it")
+        raise RecordingError(f"{path}: not a recording but a folder or device; name the .rrd file")
     with path.open("rb") as file:
         if file.read(3) != b"RRF":
             raise RecordingError(f"{path}: not a Rerun recording (.rrd)")

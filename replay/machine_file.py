@@ -1,7 +1,8 @@
 """Machine files: TOML in, a validated `Machine` out, every fault in one line."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from analysis.machine import Machine
 from analysis.schema import CHANNEL_COLUMNS
@@ -26,13 +27,18 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         MachineError: one line with the file, the fault, the choices and the remedy.
     """
     path = machine_path(Path(path))
+    if not path.exists():
+        shipped = ", ".join(sorted(each.name for each in _SHIPPED.glob("*.toml")))
+        raise MachineError(
+            f"{path}: no such machine file; shipped: {shipped}; `payscope init LOG -o {path}` "
+            "drafts one"
+        )
     content = read_toml(path, MachineError)
-    try:
-        Settings.refuse_moved(content.get("settings"))
-    except ValueError as error:
-        raise MachineError(f"{path}: settings: {error}") from None
+    _refuse_moved(f"{path}: settings", content)
     for override in overrides:
+        _refuse_bare(override)
         set_value(content, override, MachineError)
+        _refuse_moved(f"--set {override}", content)
     machine = validate(path, content, Machine, MachineError)
     for name, channel in machine.channels.items():
         if channel.unit is None:
@@ -42,6 +48,28 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         except MachineError as error:
             raise MachineError(f"{path}: channels.{name}: {error}") from error
     return machine
+
+
+def _refuse_moved(where: str, content: Mapping[str, Any]) -> None:
+    """Name the new key of a setting of the flat table."""
+    try:
+        Settings.refuse_moved(content.get("settings"))
+    except ValueError as error:
+        raise MachineError(f"{where}: {error}") from None
+
+
+def _refuse_bare(override: str) -> None:
+    """Name the setting that an override means without saying `settings`."""
+    key = override.partition("=")[0].strip()
+    first, _, rest = key.partition(".")
+    if first in Machine.model_fields:
+        return
+    parts = Settings.parts()
+    meant = [f"{stage}.{first}" for stage, part in parts.items() if first in part.model_fields]
+    if first in parts and rest:
+        meant = [key]
+    if meant:
+        raise MachineError(f"--set {override}: no such key; did you mean 'settings.{meant[0]}'?")
 
 
 def time_axis(machine: Machine) -> TimeAxis | None:

@@ -7,6 +7,9 @@ line that says which file, what is wrong and what to do.
 import os
 import signal
 import sys
+from pathlib import Path
+from pickle import UnpicklingError
+from traceback import extract_tb
 from types import FrameType
 
 import typer
@@ -74,6 +77,8 @@ def main() -> None:
             raise
         _close_stdout()
         status = 0
+    except (UnpicklingError, EOFError) as error:
+        status = _fail(_compiled_anew(error))
     except OSError as error:
         _close_stdout()
         status = _fail(f"{error.filename or 'stdout'}: {error.strerror or error}")
@@ -99,6 +104,19 @@ def _leave(number: int, _frame: FrameType | None) -> None:
 def _close_stdout() -> None:
     """What is still buffered goes nowhere, so that its flush at the end cannot fail again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _compiled_anew(error: Exception) -> str:
+    """Remove compiled code that cannot be read; any other error of that kind is raised again.
+
+    Two processes may have written it at once, or the disk was full.
+    """
+    if not any("numba" in Path(frame.filename).parts for frame in extract_tb(error.__traceback__)):
+        raise error
+    from estimators.cache import forget
+
+    folders = ", ".join(map(str, forget()))
+    return f"{folders}: compiled code kept there cannot be read and was removed; run it again"
 
 
 def _fail(line: str) -> int:

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from analysis.comparison import Changed, Comparison, EstimateChange
     from analysis.stage_change import ColumnChange
 
+#: Tables as wide as this run over on a narrower screen, since a name that is cut is no name.
+_WIDEST: Final = 120
 #: Rows of a table that a person reads at a glance; --json gives all.
 _SHOWN: Final = 12
 #: Columns of a stage that are shown: what differs in one column mostly differs in its neighbours.
@@ -60,7 +62,9 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
 
     def part(title: str, table: "Table", rows: int) -> None:
         screen.print(f"\n{title}", markup=False)
-        print_table(screen, table)
+        for column in table.columns:
+            column.no_wrap = column.overflow != "fold"
+        print_table(screen, table, _WIDEST)
         if rows > _SHOWN:
             screen.print(f"… and {rows - _SHOWN} more: --json gives all")
 
@@ -83,13 +87,14 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
         part(title, _estimates("manoeuvre", found.manoeuvres), len(found.manoeuvres))
     for name, only in (("A", found.only_a), ("B", found.only_b)):
         if only:
-            print_line(screen, f"\nstages in {name} alone: {', '.join(only)}")
+            screen.print()
+            print_line(screen, f"stages in {name} alone: {', '.join(only)}")
     if found.stages:
         differing = sum(len(stage.columns) for stage in found.stages)
         title = f"columns: {differing} of {found.columns} differ; of each stage, what changed most:"
         part(title, _columns(found), 0)
     whole = counted(found.columns, "column")
-    exact = f"to {rtol:g}" if rtol else "bit for bit"
+    exact = f"to a relative difference of {rtol:g}" if rtol else "bit for bit"
     said = f"Equal: {whole}, {exact}." if found.equal else f"They differ, compared {exact}."
     screen.print(f"\n{said}", markup=False)
 

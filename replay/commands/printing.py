@@ -38,9 +38,9 @@ def print_line(screen: Console, line: str, mark: str = "") -> None:
     screen.print(Text.from_markup(mark) + Text(one_line(line)), soft_wrap=True)
 
 
-def print_table(screen: Console, table: Table) -> None:
-    """Print a table; on a screen of less than 80 columns its rows run over, and nothing is cut."""
-    roomy = screen.options.update(max_width=_NARROWEST)
+def print_table(screen: Console, table: Table, least: int = _NARROWEST) -> None:
+    """Print a table; on a screen of less than `least` columns its rows run over, nothing is cut."""
+    roomy = screen.options.update(max_width=least)
     width = screen.width
     screen.width = max(width, Measurement.get(screen, roomy, table).maximum)
     try:

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 #: Compiling is worth a line when it has taken this long.
 LONG_S: Final = 2.0
-_COMPILING: Final = "payscope: compiling numerical code for this version, once; about 15 s"
+_COMPILING: Final = "payscope: compiling numerical code for this version, once; about 20 s"
 
 
 class Stages:
