@@ -31,8 +31,12 @@ class TestViewer:
 
     @pytest.mark.parametrize(
         "options",
-        [{}, {"duration_s": 700.0}, {"accepted": False}],
-        ids=["short", "long", "nothing accepted"],
+        [
+            pytest.param({}, id="short"),
+            # an overview of its own; 30 s of drawing in software
+            pytest.param({"duration_s": 700.0}, id="long", marks=pytest.mark.slow),
+            pytest.param({"accepted": False}, id="nothing accepted"),
+        ],
     )
     def test_every_tab_activated_in_turn_is_drawn_without_one_view_error(
         self, drives, tmp_path: Path, options: dict
