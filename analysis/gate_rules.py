@@ -25,9 +25,18 @@ Codes = NDArray[np.uint8]
 #: The code of a phase that is not known; the others are their places in `PHASES`.
 UNKNOWN: Final = 255
 _BRAKING, _STANDSTILL = PHASES.index("braking"), PHASES.index("standstill")
-_TURNING: Final = tuple(PHASES.index(name) for name in TURNS)
+
+
+def _codes_of(*phases: str) -> Bools:
+    """Which codes (256,) are of these phases."""
+    found = np.zeros(256, np.bool_)
+    found[[PHASES.index(name) for name in phases]] = True
+    return found
+
+
+_TURNING: Final = _codes_of(*TURNS)
 #: What a window of the z axis may hold: in place the machine spins or stands.
-_IN_PLACE: Final = tuple(PHASES.index(name) for name in ("spinning", "standstill"))
+_IN_PLACE: Final = _codes_of("spinning", "standstill")
 
 
 class Decision(NamedTuple):
@@ -72,7 +81,7 @@ def row_flags(
     braking = brakes if settings.exclude_braking else np.zeros_like(brakes)
     moving = phase != _STANDSTILL
     if axis is X:
-        turning = np.isin(phase, _TURNING)
+        turning = _TURNING[phase]
         return {
             "saturated": clipped,
             "turning": turning,
@@ -80,7 +89,7 @@ def row_flags(
             "standstill": moving,
             "slip": slips,
         }
-    travels = ~np.isin(phase, _IN_PLACE)
+    travels = ~_IN_PLACE[phase]
     return {
         "saturated": clipped,
         "translating": travels,

@@ -13,8 +13,12 @@ def first_index(conditions: Sequence[NDArray[np.bool_]]) -> NDArray[np.uint8]:
     Args:
         conditions: in the order of precedence.
     """
-    numbers = np.arange(len(conditions), dtype=np.uint8)
-    return np.select(list(conditions), list(numbers), np.uint8(len(conditions)))
+    count = len(conditions)
+    chosen = np.full(conditions[0].size, count, np.uint8)
+    # the last first, so that the first that holds has the last word
+    for number in reversed(range(count)):
+        chosen[conditions[number]] = number
+    return chosen
 
 
 def first_that_holds(
