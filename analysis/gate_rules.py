@@ -140,7 +140,8 @@ def decide(
             # costly, so only where nothing else refuses the window
             left = np.flatnonzero(~np.any(list(refusals.values()), axis=0)).astype(np.int64)
             ksg = np.full(rho.size, np.nan)
-            ksg[left] = nearest(left)
+            if left.size:
+                ksg[left] = nearest(left)
             poor = ~(ksg >= settings.threshold_nat)
     refusals["low_information"] = poor
     refusals["ill_conditioned"] = ~(condition <= settings.condition_max)

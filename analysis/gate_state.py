@@ -116,7 +116,7 @@ def step_gate(
         window_statistics(window) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
         holds,
-        lambda left: nearest(left) if left.size else np.empty(0),
+        nearest,
         settings.gate,
     )
     reason = decided.reasons[int(decided.chosen[0])]
