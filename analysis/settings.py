@@ -134,6 +134,40 @@ class NoiseSettings(BaseModel):
     yaw_rate_rad_s: float = Field(0.001, gt=0, description="noise of the yaw rate")
 
 
+class PriorSettings(BaseModel):
+    """Standard deviations of what the answer's fit allows besides mass and friction.
+
+    A share is of the force that the log drives with (its 95 % quantile).
+    """
+
+    model_config = _PART
+
+    const_share: float = Field(0.06, gt=0, description="prior of a constant force, as a share")
+    lag_s: float = Field(0.02, gt=0, description="prior of the force's delay")
+    lag_drift_s: float = Field(0.01, gt=0, description="prior of that delay's change over the log")
+    slip_share: float = Field(
+        0.06, gt=0, description="prior of what slip costs at top speed and full force, as a share"
+    )
+    quadratic_share: float = Field(
+        0.07, gt=0, description="prior of a quadratic resistance at top speed, as a share"
+    )
+    direction_share: float = Field(
+        0.05, gt=0, description="prior of Coulomb friction where the log drives both ways, a share"
+    )
+    gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
+    speed_delay_s: float = Field(
+        0.02, gt=0, description="prior of the speed's delay behind the accelerometer"
+    )
+    wheel_slip: float = Field(
+        0.07, gt=0, description="prior of the wheels' slip at full force, as a share of the speed"
+    )
+    load_transfer_s2_m: float = Field(
+        0.005,
+        gt=0,
+        description="prior of the change of the measured wheels' share with acceleration",
+    )
+
+
 class PlanarSettings(BaseModel):
     """Arcs and joint motion."""
 
@@ -244,6 +278,7 @@ class Settings(BaseModel):
     gate: GateSettings = GateSettings.model_validate({})
     trace: TraceSettings = TraceSettings.model_validate({})
     noise: NoiseSettings = NoiseSettings.model_validate({})
+    priors: PriorSettings = PriorSettings.model_validate({})
     planar: PlanarSettings = PlanarSettings.model_validate({})
     verdict: VerdictLimits = VerdictLimits.model_validate({})
 

@@ -1,0 +1,5 @@
+"""The answer's fit: the equation of straight motion with nuisance terms under stated priors.
+
+`equation` (the columns as they are before the moving mean, and the manoeuvres they come from) ←
+`nuisances` (the one table of terms) ← `kinematics` (wheels against accelerometer) ← `joint_fit`.
+"""

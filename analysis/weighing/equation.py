@@ -1,0 +1,206 @@
+"""The equation of straight motion on the grid, before the moving mean, and where it may be fitted.
+
+A trailing mean reaches from the first moving samples back into the standstill, where friction holds
+whatever force there is: a start then says that there is no Coulomb friction. So the fit takes the
+samples as they are, from the break-away on, and averages inside a manoeuvre only.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.forces import longitudinal_force, regressor_acceleration
+from analysis.gate import accepted_samples, braking_within_sight
+from analysis.machine import Machine
+from analysis.schema import values
+from analysis.segments import manoeuvres
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: So far back the break-away is looked for: the moving mean and the phases see it late.
+_LOOK_BACK_S: Final = 0.3
+#: Speeds above so many deviations of their noise move.
+_MOVES: Final = 4.0
+_LEAST_SPEED_M_S: Final = 0.01
+#: Samples after the break-away that resampling may have mixed with the standstill.
+_MIXED: Final = 1
+#: Likewise where a zero-phase low-pass reached across it.
+_MIXED_FILTERED: Final = 3
+#: Moving both ways needs this share of the samples each way.
+_BOTH_WAYS: Final = 0.1
+
+
+class NoiseOfColumns(Protocol):
+    """What is known of the noise of acceleration, speed and force."""
+
+    def covariance(self, samples: int) -> Floats:
+        """(3, 3) of the trailing mean of so many samples."""
+        ...
+
+
+@dataclass(frozen=True)
+class Equation:
+    """The columns of f = m a + b v, (n,) each, and the manoeuvre of each sample.
+
+    Attributes:
+        acceleration: what multiplies the mass, in m/s².
+        speed: in m/s.
+        force: in N.
+        group: number of the stretch of each sample that may be fitted, -1 for the others.
+        direction: 1 forwards, -1 in reverse, by manoeuvre.
+        rate_hz: of the grid.
+        specific_force: the accelerometer along x, in m/s², where there is one.
+        without_gravity: likewise with gravity's share by the pitch taken off.
+        by_accelerometer: whether the accelerometer multiplies the mass.
+        force_share: of the measured wheels.
+    """
+
+    acceleration: Floats
+    speed: Floats
+    force: Floats
+    group: Ints
+    direction: Floats
+    rate_hz: float
+    specific_force: Floats | None
+    without_gravity: Floats | None
+    by_accelerometer: bool
+    force_share: float
+
+    @property
+    def used(self) -> Bools:
+        """Which samples may be fitted."""
+        return self.group >= 0
+
+    @property
+    def force_range_N(self) -> float:
+        """The force that this log drives with: its 95 % quantile."""
+        return float(np.quantile(np.abs(self.force[self.used]), 0.95))
+
+    @property
+    def speed_range_m_s(self) -> float:
+        """The speed that it reaches, likewise."""
+        return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether it drives forwards and in reverse."""
+        forwards = float((self.direction[self.used] > 0).mean())
+        return min(forwards, 1.0 - forwards) > _BOTH_WAYS
+
+
+def equation(
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    machine: Machine,
+    noise: NoiseOfColumns,
+    *,
+    braking: bool = True,
+) -> Equation:
+    """Take the columns of the manoeuvres that the gate found informative.
+
+    Args:
+        aligned: the grid, before the moving mean.
+        excitation: the phases of motion.
+        gated: which windows are accepted.
+        machine: wheels, settings.
+        noise: of the columns.
+        braking: whether braking is fitted, where it counts as driving.
+    """
+    settings = machine.settings
+    speed = values(aligned, "speed_x_m_s")
+    force = longitudinal_force(aligned, machine.machine)
+    acceleration = regressor_acceleration(aligned, machine)
+    known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
+    known &= ~aligned["gap"].to_numpy()
+    group = _fitted(excitation, gated, machine, braking=braking)
+    filtered = any(channel.derivative_of for channel in machine.channels.values())
+    group = _from_break_away(
+        group,
+        np.where(known, speed, 0.0),
+        max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S),
+        round(_LOOK_BACK_S * settings.align.rate_hz),
+        _MIXED_FILTERED if filtered else _MIXED,
+    )
+    group = _runs(np.where(known, group, -1))
+    measured = _column(aligned, "specific_force_x_m_s2", known)
+    pitch = _column(aligned, "pitch_rad", known)
+    level = None
+    if measured is not None and pitch is not None:
+        level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
+    return Equation(
+        np.where(known, acceleration, 0.0),
+        np.where(known, speed, 0.0),
+        np.where(known, force, 0.0),
+        group,
+        _directions(group, np.where(known, speed, 0.0)),
+        settings.align.rate_hz,
+        measured,
+        level,
+        settings.forces.acceleration == "specific_force",
+        machine.machine.force_share,
+    )
+
+
+def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
+    if name not in aligned.columns:
+        return None
+    return np.where(known, values(aligned, name), 0.0)
+
+
+def _fitted(
+    excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine, *, braking: bool
+) -> Ints:
+    """The manoeuvre of each sample that drives straight in a manoeuvre with an accepted window."""
+    settings = machine.settings
+    without = settings.gate.exclude_braking or not braking
+    accepted = accepted_samples(excitation, gated, settings)
+    segment_id = manoeuvres(excitation, settings)
+    informative = np.unique(segment_id[accepted & (segment_id >= 0)])
+    phase = excitation["phase"]
+    welcome = [] if without else ["braking"]
+    driving = phase.is_in(["accelerating", "cruising", *welcome]).fill_null(False).to_numpy()
+    if without:
+        brakes = (phase == "braking").fill_null(False).to_numpy()
+        driving &= ~braking_within_sight(brakes, settings)
+    return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
+
+
+def _from_break_away(
+    group: Ints, speed: Floats, moves_m_s: float, look_back: int, mixed: int
+) -> Ints:
+    """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
+    smooth = np.abs(np.convolve(speed, np.ones(3) / 3.0, "same")) > moves_m_s
+    grown = group.copy()
+    begins = np.flatnonzero((group >= 0) & (np.append(-1, group[:-1]) != group))
+    for begin in begins:
+        first = int(begin)
+        while (
+            first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
+        ):
+            first -= 1
+        if first < begin:
+            grown[first + mixed : begin] = group[begin]
+            grown[first : first + mixed] = -1
+    return grown
+
+
+def _runs(group: Ints) -> Ints:
+    """Number the stretches of adjoining samples: a start each, also where braking is driving."""
+    begins = (group >= 0) & (np.append(-1, group[:-1]) != group)
+    return np.where(group >= 0, np.cumsum(begins) - 1, -1).astype(np.int64)
+
+
+def _directions(group: Ints, speed: Floats) -> Floats:
+    """The sign of each manoeuvre's mean speed, (n,); 1 outside."""
+    used = group >= 0
+    ids, index = np.unique(group[used], return_inverse=True)
+    total = np.bincount(index, weights=speed[used], minlength=ids.size)
+    out = np.ones(group.size)
+    out[used] = np.where(total >= 0, 1.0, -1.0)[index]
+    return out

@@ -1,0 +1,128 @@
+"""Wheels against accelerometer: gain, slip and delay of the speed, from the motion alone.
+
+    v = ∫ (1 + gain) a dt + slip · v F - delay · a + a constant and a slope for each manoeuvre
+
+The constant is the speed that it begins with, the slope takes tilt, bias and grade. Slip κ = F / C
+(Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its coefficient is 1 / C.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.settings import PriorSettings
+from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns
+from estimators import prior_fit
+from estimators.prior_fit import NoiseMoments
+
+#: Means of so many samples are compared, and manoeuvres shorter than ten of them are not.
+_MEAN: Final = 10
+#: A gain is looked for without leaning on its prior: this wide.
+_WIDE_GAIN: Final = 0.3
+#: A gain counts from so many of its deviations, and from this size, on.
+_GAIN_COUNTS: Final = 3.5
+_LEAST_GAIN: Final = 0.01
+#: Residuals of so many times the noise of the speed: the two do not go together.
+_MISMATCH: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Kinematics:
+    """What the wheels say of the accelerometer and of themselves, value and deviation each.
+
+    Attributes:
+        gain: how much the wheels' speed changes beyond what the accelerometer says, as a share.
+        delay_s: how late the speed is.
+        slip_1_N: 1 / C, what share of its speed a newton makes the wheels slip.
+        gain_counts: whether the gain is more than its prior and the log's noise allow.
+    """
+
+    gain: tuple[float, float]
+    delay_s: tuple[float, float]
+    slip_1_N: tuple[float, float]
+    gain_counts: bool
+
+
+def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
+    """Compare them; None where there is no accelerometer, or the two do not go together at all.
+
+    Hills put a gravity on the accelerometer that changes within a manoeuvre. Where that is what
+    the comparison stumbles over, it is taken off by the pitch; not before, since a body that
+    squats pitches as well, and its gravity must be seen as gain.
+    """
+    for measured in (motion.specific_force, motion.without_gravity):
+        found = None if measured is None else _compared(measured, motion, noise, priors)
+        if found is not None:
+            return found
+    return None
+
+
+def _compared(
+    measured: Floats, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings
+) -> Kinematics | None:
+    rows = _rows(measured, motion, noise)
+    if rows is None:
+        return None
+    slip_std = priors.wheel_slip / motion.force_range_N
+
+    def solved(gain_std: float) -> prior_fit.PriorFit:
+        widths = np.array([gain_std, slip_std, priors.speed_delay_s])
+        return prior_fit.fit(*rows, np.zeros(3), widths)
+
+    wide = solved(_WIDE_GAIN)
+    if wide.residual_rms > _MISMATCH * float(np.sqrt(noise.covariance(_MEAN)[1, 1])):
+        return None
+    counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, _GAIN_COUNTS * wide.std[0]))
+    found = wide if counts else solved(priors.gain)
+    values = list(zip(found.theta.tolist(), found.std.tolist(), strict=True))
+    return Kinematics(
+        gain=(float(wide.theta[0]), float(wide.std[0])),
+        slip_1_N=values[1],
+        delay_s=values[2],
+        gain_counts=counts,
+    )
+
+
+def _rows(
+    measured: Floats, motion: Equation, noise: NoiseOfColumns
+) -> tuple[Floats, Floats, Ints, NoiseMoments] | None:
+    """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
+    step_s = 1.0 / motion.rate_hz
+    covariance = noise.covariance(_MEAN)
+    kernel = np.full(_MEAN, 1.0 / _MEAN)
+
+    def mean(x: Floats) -> Floats:
+        return np.convolve(x, kernel, "valid")
+
+    columns: list[Floats] = []
+    responses: list[Floats] = []
+    groups: list[Floats] = []
+    grams: list[Floats] = []
+    for each in np.unique(motion.group[motion.used]):
+        part = np.flatnonzero(motion.group == each)
+        if part.size != part[-1] - part[0] + 1 or part.size < 10 * _MEAN:
+            continue
+        a, v, f = measured[part], motion.speed[part], motion.force[part]
+        gained = (np.cumsum(a) - a / 2.0) * step_s
+        reached = gained + v[:5].mean()  # hardly any noise, unlike v
+        y = mean(v - gained)
+        ramp = np.linspace(-1.0, 1.0, y.size)
+        kept, _ = np.linalg.qr(np.column_stack([np.ones(y.size), ramp]))
+        X = np.column_stack([mean(gained), mean(reached * f), mean(-a)])
+        columns.append(X - kept @ (kept.T @ X))
+        responses.append(y - kept @ (kept.T @ y))
+        groups.append(np.full(y.size, len(groups)))
+        gram = np.zeros((3, 3))
+        gram[1, 1] = float(mean(reached) @ mean(reached)) * covariance[2, 2]
+        gram[2, 2] = y.size * covariance[0, 0]
+        grams.append(gram)
+    if not columns:
+        return None
+    moments = NoiseMoments(np.stack(grams), np.zeros((len(grams), 3)))
+    return (
+        np.concatenate(columns),
+        np.concatenate(responses),
+        np.concatenate(groups).astype(np.int64),
+        moments,
+    )

@@ -1,0 +1,128 @@
+"""The one table of nuisance terms: what a real machine's force holds besides m a + b v.
+
+Each has a column, a prior whose width scales with the machine, and a sentence. Prior means are 0.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.settings import PriorSettings
+from analysis.weighing.equation import Equation, Floats
+
+
+@dataclass(frozen=True)
+class Moments:
+    """The samples that are averaged to columns: (n,) each, at the shift that the lag has now.
+
+    Attributes:
+        acceleration: in m/s².
+        speed: in m/s.
+        force: in N, moved back by the lag.
+        force_rate: its derivative where it is more than noise, in N/s.
+        direction: of each manoeuvre.
+        progress: from -1/2 to 1/2 over the log.
+    """
+
+    acceleration: Floats
+    speed: Floats
+    force: Floats
+    force_rate: Floats
+    direction: Floats
+    progress: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Nuisance:
+    """A term of the fit.
+
+    Attributes:
+        name: in frames, settings and answers.
+        unit: of its parameter.
+        column: computes what multiplies its parameter, (n,).
+        width: the default standard deviation of its prior.
+        meaning: what it stands for.
+        shrinks: what would narrow it.
+        by_speed: derivative of the column by the speed, whose noise it carries; None: none.
+        by_force: likewise by the force.
+        applies: whether a log can have it.
+    """
+
+    name: str
+    unit: str
+    column: Callable[[Moments], Floats]
+    width: Callable[[Equation, PriorSettings], float]
+    meaning: str
+    shrinks: str
+    by_speed: Callable[[Moments], Floats] | None = None
+    by_force: Callable[[Moments], Floats] | None = None
+    applies: Callable[[Equation], bool] = lambda _: True
+
+
+#: In the order of the fit's parameters; a fit has those that apply to its log.
+NUISANCES: Final = (
+    Nuisance(
+        "const",
+        "N",
+        lambda m: np.ones_like(m.speed),
+        lambda e, s: s.const_share * e.force_range_N,
+        "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
+        "Coulomb friction where all driving is one way",
+        "starts in both directions, or at different throttles",
+    ),
+    Nuisance(
+        "lag",
+        "s",
+        lambda m: -m.force_rate,
+        lambda e, s: s.lag_s,
+        "how late the force is, against the motion",
+        "sharper starts, or clocks that are synchronised",
+    ),
+    Nuisance(
+        "lag_drift",
+        "s",
+        lambda m: -m.force_rate * m.progress,
+        lambda e, s: s.lag_drift_s,
+        "how much later the force becomes over the log: clocks that drift apart",
+        "clocks that are synchronised",
+    ),
+    Nuisance(
+        "slip",
+        "s/m",
+        lambda m: m.speed * m.force,
+        lambda e, s: s.slip_share / e.speed_range_m_s,
+        "longitudinal slip: friction of a wheel speed that is not the ground's",
+        "an accelerometer beside the wheel speed, or starts at different throttles",
+        by_speed=lambda m: m.force,
+        by_force=lambda m: m.speed,
+    ),
+    Nuisance(
+        "quadratic",
+        "N·s²/m²",
+        lambda m: m.speed * np.abs(m.speed),
+        lambda e, s: s.quadratic_share * e.force_range_N / e.speed_range_m_s**2,
+        "resistance that grows with the square of the speed",
+        "cruising at several speeds",
+        by_speed=lambda m: 2.0 * np.abs(m.speed),
+    ),
+    Nuisance(
+        "direction",
+        "N",
+        lambda m: m.direction,
+        lambda e, s: s.direction_share * e.force_range_N,
+        "Coulomb friction, where the log drives both ways",
+        "starts at different throttles",
+        applies=lambda e: e.both_ways,
+    ),
+    Nuisance(
+        "load_transfer",
+        "s²/m",
+        lambda m: m.acceleration * m.direction * m.force,
+        lambda e, s: s.load_transfer_s2_m,
+        "the measured wheels' share of the force changes with the acceleration",
+        "force measured on all wheels, or starts at different throttles",
+        applies=lambda e: e.force_share < 1.0,
+    ),
+)
