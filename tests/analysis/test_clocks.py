@@ -36,7 +36,7 @@ def queues(generator, measured_s):
     return 0.001 + generator.exponential(0.001, measured_s.size) + away
 
 
-def batches(generator, measured_s):
+def batches(_, measured_s):
     """Messages arrive every 40 ms."""
     return np.ceil(measured_s / 0.04 + 0.5) * 0.04 - measured_s
 
