@@ -41,21 +41,17 @@ def derive(
     settings = machine.settings
     losses: list[Loss] = []
     notes: list[str] = []
-    filtering = any(channel.derivative_of for channel in machine.channels.values())
-    read_ns: dict[str, filters.Ints] = {}
-    picked: dict[str, mounting.Series] = {}
+    read: dict[str, mounting.Series] = {}
     for name, channel in machine.channels.items():
         topic = channel.topic or "table"
         if channel.sources or (name in HINTS and topic not in placed):
             continue
         if channel.angle_of:
-            t, x = _angle(name, channel, placed[topic], machine, losses)
+            read[name] = _angle(name, channel, placed[topic], machine, losses)
         else:
-            t, x = _pick(name, channel, placed[topic], losses)
-        read_ns[name] = t
-        if filtering and name not in _UNFILTERED:
-            t, x = _low_passed(name, (t, x), settings, notes)
-        picked[name] = _filled(name, t, x)
+            read[name] = _pick(name, channel, placed[topic], losses)
+    filtering = any(channel.derivative_of for channel in machine.channels.values())
+    picked = _low_passed(read, settings, notes) if filtering else dict(read)
 
     series = mounting.to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.derivation_order():
@@ -76,24 +72,34 @@ def derive(
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
     frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
     if settings.filter.causal:
-        for name, known_ns in _known(read_ns, picked, series, machine).items():
+        for name, known_ns in _known(read, picked, series, machine).items():
             frames[name] = frames[name].with_columns(known_ns=known_ns)
     return frames, losses, notes
 
 
 def _low_passed(
-    name: str, series: mounting.Series, settings: Settings, notes: list[str]
-) -> mounting.Series:
-    """The low-pass of the settings, where the topic's rate allows it."""
-    t, x = series
-    cutoff_hz, rate_hz = settings.filter.cutoff_hz, 1e9 / filters.period_ns(t)
-    if cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
-        notes.append(
-            f"{name}: low-pass of {cutoff_hz:g} Hz not applied, its topic has only {rate_hz:.4g} Hz"
-        )
-        return series
-    longest_ns = filters.longest_step_ns(t, settings.align)
-    return filters.low_pass(t, x, cutoff_hz, longest_ns, causal=settings.filter.causal)
+    read: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
+) -> dict[str, mounting.Series]:
+    """The low-pass of the settings on every channel of which the rate allows it.
+
+    A causal one delays, so where one channel's rate does not allow it, none is filtered.
+    """
+    cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
+    rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in _UNFILTERED}
+    slow = {name: hz for name, hz in rates_hz.items() if cutoff_hz > _HIGHEST_CUTOFF * hz}
+    notes += [
+        f"{name}: low-pass of {cutoff_hz:g} Hz not applied, its topic has only {hz:.4g} Hz"
+        for name, hz in slow.items()
+    ]
+    if causal and slow:
+        notes.append("nor to any other channel: a causal filter on some of them delays those")
+        return dict(read)
+    out = dict(read)
+    for name in rates_hz.keys() - slow.keys():
+        t, x = read[name]
+        longest_ns = filters.longest_step_ns(t, settings.align)
+        out[name] = _filled(name, *filters.low_pass(t, x, cutoff_hz, longest_ns, causal=causal))
+    return out
 
 
 def _angle(
@@ -186,7 +192,7 @@ def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mo
 
 
 def _known(
-    read_ns: Mapping[str, filters.Ints],
+    read: Mapping[str, mounting.Series],
     picked: Mapping[str, mounting.Series],
     series: Mapping[str, mounting.Series],
     machine: Machine,
@@ -194,14 +200,14 @@ def _known(
     """When each sample of each channel is known on board.
 
     Args:
-        read_ns: by channel that was read: when its samples were measured.
+        read: the channels that were read.
         picked: the same channels after the filter.
         series: all channels.
         machine: their delays, and what is made of what.
     """
     filtered = {
         name: filters.known(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
-        for name, t in read_ns.items()
+        for name, (t, _) in read.items()
     }
     known: dict[str, filters.Ints] = {}
     for name, own in filtered.items():

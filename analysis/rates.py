@@ -104,17 +104,23 @@ class Reduced:
         names: its channels.
         slowest: the channel.
         rate_hz: how often that comes.
+        derived: those that are differences over two steps of a slow channel.
+        span_ns: over so long a time, which the others are averaged over as well; 0 without any.
     """
 
     names: frozenset[str]
     slowest: str
     rate_hz: float
+    derived: frozenset[str] = frozenset()
+    span_ns: int = 0
 
     def __str__(self) -> str:
         """What a reader of the answer should know of it."""
+        averaged = f", averaged over {self.span_ns / 1e9:.3g} s as what is derived"
         return (
             f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_listed(self.names)} "
-            "are taken at its stamps, since a slow channel among faster ones biases the estimate"
+            f"are taken at its stamps{averaged if self.span_ns else ''}, "
+            "since a slow channel among faster ones biases the estimate"
         )
 
 
@@ -130,22 +136,54 @@ def reduced(series: Mapping[str, ChannelSeries], machine: Machine) -> list[Reduc
         own = sorted((names & set(series)) - {"direction_x_1"})
         periods = {name: max(series[name].period_ns, step_ns) for name in own}
         slowest = max(periods, key=lambda name: periods[name])
-        if periods[slowest] > filters.OTHER_RATE * min(periods.values()):
-            found.append(Reduced(names & set(series), slowest, 1e9 / periods[slowest]))
+        derived = frozenset(
+            name
+            for name in own
+            if (channel := machine.channels.get(name))
+            and channel.derivative_of
+            and periods[name] > filters.OTHER_RATE * step_ns
+        )
+        span_ns = round(max((2 * periods[name] for name in derived), default=0))
+        if span_ns or periods[slowest] > filters.OTHER_RATE * min(periods.values()):
+            rate_hz = 1e9 / periods[slowest]
+            found.append(Reduced(names & set(series), slowest, rate_hz, derived, span_ns))
     return found
 
 
 def reduce(series: Mapping[str, ChannelSeries], each: Reduced) -> dict[str, ChannelSeries]:
-    """Take a regressor's channels at the stamps of the slowest, where all of them are known."""
+    """Take a regressor's channels at the stamps of the slowest, where all of them are known.
+
+    A difference over two steps is a mean over them; where one of the channels is such, the others
+    are averaged over as long a time.
+    """
     slowest = series[each.slowest]
     at_ns = slowest.t_ns
-    values = {name: series[name].at(at_ns) for name in each.names}
+    values: dict[str, Floats] = {}
+    known: list[Ints] = []
+    for name in each.names:
+        wait_ns = 0 if name in each.derived else each.span_ns // 2
+        values[name] = (
+            _mean(series[name], at_ns, 2 * wait_ns) if wait_ns else series[name].at(at_ns)
+        )
+        known.append(series[name].known_at(at_ns + wait_ns))
     kept = ~np.isnan(np.stack(list(values.values()))).any(axis=0)
-    known_ns = np.max([series[name].known_at(at_ns) for name in each.names], axis=0)[kept]
+    known_ns = np.max(known, axis=0)[kept]
     return {
-        name: replace(slowest, t_ns=at_ns[kept], x=x[kept], known_ns=known_ns)
+        name: replace(slowest, t_ns=at_ns[kept], x=x[kept], known_ns=known_ns, width_ns=0)
         for name, x in values.items()
     }
+
+
+def _mean(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
+    """The mean over a span about each instant, (rows,), of a signal that curves between samples.
+
+    With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the
+    middle lies span²/24 x'' below the mean: this mixture of both is right (Simpson's rule, where
+    the span is two steps).
+    """
+    line = average(series.t_ns, series.x, at_ns, span_ns, series.longest_ns)
+    share = span_ns**2 / (2 * series.period_ns**2 + span_ns**2)
+    return share * line + (1.0 - share) * series.at(at_ns)
 
 
 def _listed(names: frozenset[str]) -> str:

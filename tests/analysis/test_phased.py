@@ -69,6 +69,30 @@ def test_a_slow_channel_of_the_regressor_does_not_bias_the_mass_and_is_reported(
     assert note.startswith({"force": "force_x_N", "imu": "specific_force_x"}.get(topic, "speed_x"))
 
 
+DERIVED = {
+    "force_x_N": phased.CHANNELS["force_x_N"],
+    "speed_x_m_s": phased.CHANNELS["speed_x_m_s"],
+    "specific_force_x_m_s2": None,
+    "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
+}
+
+
+@pytest.mark.parametrize("slow", [("speed",), ("speed", "force")])
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0])
+def test_an_acceleration_derived_of_a_slow_speed_does_not_bias_the_mass(rate_hz, slow):
+    """A difference over 200 ms put 37 kg on, beside a force that was not averaged so."""
+    derived = make_machine({"methods": ["pooled"], "acceleration": "kinematic"}, **DERIVED)
+    topics = {topic: {"rate_hz": rate_hz, "phase_s": 0.003} for topic in slow}
+    log = phased.raw(noise=0.01, **topics)
+    assert abs(phased.pooled(log, derived)[0] - phased.TRUE_KG) < 5.0
+    (note,) = said(log, derived)
+    assert f"averaged over {2 / rate_hz:g} s as what is derived" in note
+    causal = make_machine(
+        {"methods": ["pooled"], "acceleration": "kinematic", "causal": True}, **DERIVED
+    )
+    assert abs(phased.pooled(log, causal)[0] - phased.TRUE_KG) < 5.0
+
+
 def test_when_causal_phases_and_jitter_cost_no_more():
     causal = loader(causal=True)
     topics = {name: {"jitter_s": 0.002} for name in phased.FIELDS}
