@@ -28,7 +28,7 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     longer than 60 s only the ends are kept. Hints (boom, latitude, longitude) have no say in this;
     they are missing where they have no neighbours.
 
-    With `filter.causal` a row holds the motion `latency_ns` before it, or that of the newest
+    With `filter.causal` a row holds the motion `align.latency_s` before it, or that of the newest
     instant that every channel of the regressor is known of by then, alike on all of them; another
     channel of which that is not known yet has its newest value.
 

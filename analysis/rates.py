@@ -167,6 +167,9 @@ def reduce(series: Mapping[str, ChannelSeries], each: Reduced) -> dict[str, Chan
         )
         known.append(series[name].known_at(at_ns + wait_ns))
     kept = ~np.isnan(np.stack(list(values.values()))).any(axis=0)
+    if kept.sum() < 2:
+        # they share no time: for `align` to say
+        return {}
     known_ns = np.max(known, axis=0)[kept]
     return {
         name: replace(slowest, t_ns=at_ns[kept], x=x[kept], known_ns=known_ns, width_ns=0)
