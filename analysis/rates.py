@@ -105,22 +105,22 @@ class Reduced:
         slowest: the channel.
         rate_hz: how often that comes.
         derived: those that are differences over two steps of a slow channel.
-        span_ns: over so long a time, which the others are averaged over as well; 0 without any.
+        span_ns: what the others are averaged over about each stamp: two steps of the slow channel
+            where one is derived, else one of the slowest channel.
     """
 
     names: frozenset[str]
     slowest: str
     rate_hz: float
-    derived: frozenset[str] = frozenset()
-    span_ns: int = 0
+    derived: frozenset[str]
+    span_ns: int
 
     def __str__(self) -> str:
         """What a reader of the answer should know of it."""
-        averaged = f", averaged over {self.span_ns / 1e9:.3g} s as what is derived"
         return (
-            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_listed(self.names)} "
-            f"are taken at its stamps{averaged if self.span_ns else ''}, "
-            "since a slow channel among faster ones biases the estimate"
+            f"{self.slowest} comes at {self.rate_hz:.3g} Hz only: all of {_listed(self.names)} are "
+            f"taken at its stamps, averaged over {self.span_ns / 1e9:.3g} s, since a slow channel "
+            "among faster ones biases the estimate"
         )
 
 
@@ -143,18 +143,19 @@ def reduced(series: Mapping[str, ChannelSeries], machine: Machine) -> list[Reduc
             and channel.derivative_of
             and periods[name] > filters.OTHER_RATE * step_ns
         )
-        span_ns = round(max((2 * periods[name] for name in derived), default=0))
-        if span_ns or periods[slowest] > filters.OTHER_RATE * min(periods.values()):
+        if derived or periods[slowest] > filters.OTHER_RATE * min(periods.values()):
+            # without a derived one, as long as no sample of a faster channel is left out
+            span_ns = max((2 * periods[name] for name in derived), default=periods[slowest])
             rate_hz = 1e9 / periods[slowest]
-            found.append(Reduced(names & set(series), slowest, rate_hz, derived, span_ns))
+            found.append(Reduced(names & set(series), slowest, rate_hz, derived, round(span_ns)))
     return found
 
 
 def reduce(series: Mapping[str, ChannelSeries], each: Reduced) -> dict[str, ChannelSeries]:
     """Take a regressor's channels at the stamps of the slowest, where all of them are known.
 
-    A difference over two steps is a mean over them; where one of the channels is such, the others
-    are averaged over as long a time.
+    There they are means over one span, alike: single samples of a fast channel would let its
+    vibration in. A difference over two steps is such a mean already.
     """
     slowest = series[each.slowest]
     at_ns = slowest.t_ns
@@ -181,8 +182,8 @@ def _mean(series: ChannelSeries, at_ns: Ints, span_ns: int) -> Floats:
     """The mean over a span about each instant, (rows,), of a signal that curves between samples.
 
     With the curvature x'', the line through samples lies T²/12 x'' too high on average, and the
-    middle lies span²/24 x'' below the mean: this mixture of both is right (Simpson's rule, where
-    the span is two steps).
+    middle lies span²/24 x'' below the mean: this mixture of both is right (of three samples over a
+    span of two steps, Simpson's rule).
     """
     line = average(series.t_ns, series.x, at_ns, span_ns, series.longest_ns)
     share = span_ns**2 / (2 * series.period_ns**2 + span_ns**2)

@@ -167,7 +167,11 @@ class TestHusky:
     ) -> None:
         refused = replay(data / "logs" / log, machine_file, overrides)
         failed = failed_checks(refused)
-        assert {"opposing_share", "partial_correlation", "r_squared", "relative_std"} <= failed
+        assert {"opposing_share", "r_squared", "relative_std"} <= failed
+        # of the IMU averaged over the drives' 0.15 s it is 0.52, on straights
+        assert "partial_correlation" in failed or (
+            machine_file == "husky_imu.toml" and not overrides
+        )
         assert refused.frames["masses"]["mass_kg"].null_count() == 5
         assert refused.frames["masses"]["withheld"].all()
 
