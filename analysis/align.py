@@ -1,4 +1,4 @@
-"""Channels of different rates on one uniform grid, without looking into the future or over gaps."""
+"""Channels of different rates on one uniform grid: interpolated alike, never over a gap."""
 
 from collections.abc import Mapping
 
@@ -6,8 +6,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis import filters, mounting
+from analysis import filters, mounting, rates
 from analysis.machine import Machine
+from analysis.rates import ChannelSeries
 from analysis.schema import HINTS, build
 from estimators.errors import DataError
 
@@ -18,16 +19,23 @@ _LONGEST_HOLE_S = 60.0
 
 
 def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.DataFrame, int]:
-    """Put every channel on one grid: the last value at or before, as long as it is fresh.
+    """Put every channel on one grid: on the line between the samples before and after.
 
-    A value is fresh for `gap_periods` of its channel's own median period (or of the grid's, if
-    that is longer). The grid runs from the latest first sample to the earliest last one. A row in
-    which any channel is stale is a gap; of a hole longer than 60 s only the ends are kept. Hints
-    (boom, latitude, longitude) have no say in this; they are missing where they are stale.
+    Neighbours are no further apart than `gap_periods` of their channel's own median period (or of
+    the grid's, if that is longer); a row between others is a gap. A topic faster than the grid is
+    averaged over a grid step instead, and a regressor with a slow channel is taken at that one's
+    stamps first. The grid runs from the latest first sample to the earliest last one; of a hole
+    longer than 60 s only the ends are kept. Hints (boom, latitude, longitude) have no say in this;
+    they are missing where they have no neighbours.
+
+    With `filter.causal` a row holds the motion `align.latency_s` before it, or that of the newest
+    instant that every channel of the regressor is known of by then, alike on all of them; another
+    channel of which that is not known yet has its newest value.
 
     Args:
-        channels: by name: unix_ns, ascending, and the channel's column.
-        machine: IMU mounting, rate.
+        channels: by name: unix_ns, strictly ascending, the channel's column, and with
+            `filter.causal` known_ns, where that is another time.
+        machine: channels of the regressor, IMU mounting, rate.
 
     Returns:
         `aligned`, and the unix time of its first row in ns.
@@ -35,46 +43,102 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     Raises:
         DataError: the channels share no time.
     """
-    settings = machine.settings.align
-    step_ns = 1e9 / settings.rate_hz
-    series = {name: frame["unix_ns"].to_numpy() for name, frame in channels.items()}
-    needed = {name: t for name, t in series.items() if name not in HINTS}
-    start = max(int(t[0]) for t in needed.values())
-    end = min(int(t[-1]) for t in needed.values())
-    if end <= start:
-        spans = ", ".join(
-            f"{n} {t[0] / 1e9:.3f}…{t[-1] / 1e9:.3f} s" for n, t in sorted(needed.items())
-        )
-        raise DataError(f"the channels share no stretch of time: {spans}")
-    fresh_ns = {name: filters.longest_step_ns(t, settings) for name, t in series.items()}
-    grid = _grid(needed, fresh_ns, start, end, step_ns)
+    settings = machine.settings
+    raw = {name: rates.series_of(name, frame, settings.align) for name, frame in channels.items()}
+    series = _reduced(raw, machine)
+    needed = {name: each for name, each in series.items() if name not in HINTS}
+    start, end = _common(needed)
+    grid = _grid(needed, start, end, 1e9 / settings.align.rate_hz)
+    late_ns = _latency_ns(series, machine) if settings.filter.causal else 0
+    chosen = _Chosen(series, grid, late_ns, machine) if settings.filter.causal else None
     gap = np.zeros(grid.size, np.bool_)
     columns: dict[str, NDArray[np.float64]] = {}
-    for name, t in series.items():
-        at = np.searchsorted(t, grid, side="right") - 1
-        held = channels[name][name].to_numpy()[at]
-        stale = (at < 0) | (grid - t[at] > fresh_ns[name])
-        columns[name] = np.where(stale, np.nan, held)
+    for name, each in series.items():
+        instants, stale = chosen.of(name) if chosen else (grid, np.False_)
+        x = each.at(instants)
+        if each is not raw[name]:
+            # between two stamps of the slowest channel, a faster one may have a gap
+            stale = stale | np.isnan(raw[name].at(instants))
+        columns[name] = np.where(stale, np.nan, rates.wrapped(name, x))
         if name in needed:
-            gap |= stale
+            gap |= np.isnan(columns[name])
     columns = mounting.at_origin(columns, machine.machine.imu)
-    return build("aligned", {"t_ns": grid - start, **columns, "gap": gap}), start
+    return build("aligned", {"t_ns": grid - start, **columns, "gap": gap}), start + late_ns
 
 
-def _grid(
-    series: Mapping[str, Ints], fresh_ns: Mapping[str, float], start: int, end: int, step_ns: float
-) -> Ints:
+def notes(channels: Mapping[str, pl.DataFrame], machine: Machine) -> list[str]:
+    """Say what `align` does to these channels that a reader of the answer should know."""
+    raw = {n: rates.series_of(n, frame, machine.settings.align) for n, frame in channels.items()}
+    said = [str(each) for each in rates.reduced(raw, machine)]
+    if machine.settings.filter.causal:
+        late_s = _latency_ns(_reduced(raw, machine), machine) / 1e9
+        said.append(f"causal: a row holds the motion {late_s:.4g} s before it (align.latency_s)")
+    return said
+
+
+def _reduced(raw: Mapping[str, ChannelSeries], machine: Machine) -> dict[str, ChannelSeries]:
+    series = dict(raw)
+    for each in rates.reduced(raw, machine):
+        series |= rates.reduce(raw, each)
+    return series
+
+
+def _common(needed: Mapping[str, ChannelSeries]) -> tuple[int, int]:
+    """The latest first stamp and the earliest last one."""
+    spans = {name: (int(s.t_ns[0]), int(s.t_ns[-1])) for name, s in sorted(needed.items())}
+    start, end = max(first for first, _ in spans.values()), min(last for _, last in spans.values())
+    if end <= start:
+        shown = (f"{n} {first / 1e9:.3f}…{last / 1e9:.3f} s" for n, (first, last) in spans.items())
+        raise DataError(f"the channels share no stretch of time: {', '.join(shown)}")
+    return start, end
+
+
+def _latency_ns(series: Mapping[str, ChannelSeries], machine: Machine) -> int:
+    """The setting's, or as long as the next sample of the regressor's slowest channel takes."""
+    given = machine.settings.align.latency_s
+    if given is not None:
+        return round(given * 1e9)
+    names = frozenset[str]().union(*rates.regressors(machine)) & set(series)
+    return round(max(filters.period_ns(series[n].t_ns) + series[n].lag_ns for n in names))
+
+
+class _Chosen:
+    """The instants that rows hold where nothing may be known before it has come.
+
+    A row at the time t stands for t - latency; where a channel of the regressor is not known of
+    that yet, all of them are taken at the newest instant that is known of all.
+    """
+
+    def __init__(
+        self, series: Mapping[str, ChannelSeries], grid: Ints, late_ns: int, machine: Machine
+    ) -> None:
+        self.series, self.grid, self.late_ns = series, grid, late_ns
+        self.names = frozenset[str]().union(*rates.regressors(machine)) & set(series)
+        self.shared = grid
+        for name in self.names:
+            self.shared = np.minimum(self.shared, series[name].newest(grid + late_ns))
+
+    def of(self, name: str) -> tuple[Ints, NDArray[np.bool_]]:
+        """The instants (rows,) of a channel, and where its newest sample is too old."""
+        each = self.series[name]
+        newest = each.newest(self.grid + self.late_ns)
+        usual = self.grid - max(0, round(each.lag_ns) - self.late_ns)
+        instants = self.shared if name in self.names else np.minimum(self.grid, newest)
+        return instants, usual - newest > each.longest_ns
+
+
+def _grid(needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: float) -> Ints:
     """Lattice points from start to end, without the inside of holes longer than the limit."""
     holes = [
         # in integers: a float holds unix time to a quarter of a microsecond only
-        (int(t[i]) + round(fresh_ns[name]), int(t[i + 1]))
-        for name, t in series.items()
-        for i in np.flatnonzero(np.diff(t) > fresh_ns[name] + _LONGEST_HOLE_S * 1e9)
+        (int(each.t_ns[i]) + round(each.longest_ns), int(each.t_ns[i + 1]))
+        for each in needed.values()
+        for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + _LONGEST_HOLE_S * 1e9)
     ]
     pieces: list[Ints] = []
     first = 0
     for opened, closed in sorted(holes):
-        # the first row that is stale, and the last one
+        # a row behind the last sample, and the last one before the next
         left = int((opened - start) // step_ns) + 1
         right = int((closed - start) // step_ns) - 1
         if right <= max(left, first):

@@ -9,6 +9,7 @@ from analysis import filters, mounting
 from analysis.machine import Channel, Machine
 from analysis.run import Loss
 from analysis.schema import CHANNEL_COLUMNS, HINTS
+from analysis.settings import AlignSettings, Settings
 from analysis.units import to_si
 from estimators.errors import DataError
 
@@ -34,38 +35,23 @@ def derive(
         machine: channels and settings.
 
     Returns:
-        By channel, and `direction_x_1`: unix_ns and the channel's column. What was not finite.
-        And notes.
+        By channel, and `direction_x_1`: unix_ns and the channel's column; with `filter.causal`
+        known_ns as well, when that is known on board. What was not finite. And notes.
     """
     settings = machine.settings
     losses: list[Loss] = []
     notes: list[str] = []
-    filtering = any(channel.derivative_of for channel in machine.channels.values())
-    picked: dict[str, mounting.Series] = {}
+    read: dict[str, mounting.Series] = {}
     for name, channel in machine.channels.items():
         topic = channel.topic or "table"
         if channel.sources or (name in HINTS and topic not in placed):
             continue
         if channel.angle_of:
-            t, x = _angle(name, channel, placed[topic], machine, losses)
+            read[name] = _angle(name, channel, placed[topic], machine, losses)
         else:
-            t, x = _pick(name, channel, placed[topic], losses)
-        if filtering and name not in _UNFILTERED:
-            rate_hz = 1e9 / filters.period_ns(t)
-            if settings.filter.cutoff_hz > _HIGHEST_CUTOFF * rate_hz:
-                notes.append(
-                    f"{name}: low-pass of {settings.filter.cutoff_hz:g} Hz not applied, "
-                    f"its topic has only {rate_hz:.4g} Hz"
-                )
-            else:
-                t, x = filters.low_pass(
-                    t,
-                    x,
-                    settings.filter.cutoff_hz,
-                    filters.longest_step_ns(t, settings.align),
-                    causal=settings.filter.causal,
-                )
-        picked[name] = _filled(name, t, x)
+            read[name] = _pick(name, channel, placed[topic], losses)
+    filtering = any(channel.derivative_of for channel in machine.channels.values())
+    picked = _low_passed(read, settings, notes) if filtering else dict(read)
 
     series = mounting.to_machine_axes(picked, machine.machine.imu, settings.align)
     for name in machine.derivation_order():
@@ -75,8 +61,8 @@ def derive(
             longest_ns = filters.longest_step_ns(t, settings.align)
             t, x = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
         elif channel.mean_of:
-            first, second = (series[source] for source in channel.mean_of)
-            t, x = _mean(first, second, filters.longest_step_ns(second[0], settings.align))
+            first, second = channel.mean_of
+            t, x = _mean(series[first], series[second], settings.align)
         else:
             continue
         series[name] = _filled(name, t, x * channel.scale + channel.offset)
@@ -85,7 +71,35 @@ def derive(
     moves = np.abs(speed) > settings.forces.direction_deadband_m_s
     series["direction_x_1"] = t, np.where(moves, np.sign(speed), 0.0)
     frames = {name: pl.DataFrame({"unix_ns": t, name: x}) for name, (t, x) in series.items()}
+    if settings.filter.causal:
+        for name, known_ns in _known(read, picked, series, machine).items():
+            frames[name] = frames[name].with_columns(known_ns=known_ns)
     return frames, losses, notes
+
+
+def _low_passed(
+    read: Mapping[str, mounting.Series], settings: Settings, notes: list[str]
+) -> dict[str, mounting.Series]:
+    """The low-pass of the settings on every channel of which the rate allows it.
+
+    A causal one delays, so where one channel's rate does not allow it, none is filtered.
+    """
+    cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
+    rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in _UNFILTERED}
+    slow = {name: hz for name, hz in rates_hz.items() if cutoff_hz > _HIGHEST_CUTOFF * hz}
+    notes += [
+        f"{name}: low-pass of {cutoff_hz:g} Hz not applied, its topic has only {hz:.4g} Hz"
+        for name, hz in slow.items()
+    ]
+    if causal and slow:
+        notes.append("nor to any other channel: a causal filter on some of them delays those")
+        return dict(read)
+    out = dict(read)
+    for name in rates_hz.keys() - slow.keys():
+        t, x = read[name]
+        longest_ns = filters.longest_step_ns(t, settings.align)
+        out[name] = _filled(name, *filters.low_pass(t, x, cutoff_hz, longest_ns, causal=causal))
+    return out
 
 
 def _angle(
@@ -166,11 +180,47 @@ def _filled(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     return t, x
 
 
-def _mean(
-    a: tuple[filters.Ints, filters.Floats],
-    b: tuple[filters.Ints, filters.Floats],
-    longest_ns: float,
-) -> tuple[filters.Ints, filters.Floats]:
-    """The mean of two channels at the stamps of the first, the second held while it is fresh."""
-    t, other = filters.held(*b, a[0], longest_ns)
+def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mounting.Series:
+    """The mean of two channels at the stamps of one, the other on the line between its samples.
+
+    At those of the slower, since that line is a low-pass; of the first where none is.
+    """
+    if filters.period_ns(b[0]) > filters.OTHER_RATE * filters.period_ns(a[0]):
+        a, b = b, a
+    t, other = filters.interpolated(*b, a[0], filters.longest_step_ns(b[0], settings))
     return t, (a[1][np.searchsorted(a[0], t)] + other) / 2.0
+
+
+def _known(
+    read: Mapping[str, mounting.Series],
+    picked: Mapping[str, mounting.Series],
+    series: Mapping[str, mounting.Series],
+    machine: Machine,
+) -> dict[str, filters.Ints]:
+    """When each sample of each channel is known on board.
+
+    Args:
+        read: the channels that were read.
+        picked: the same channels after the filter.
+        series: all channels.
+        machine: their delays, and what is made of what.
+    """
+    filtered = {
+        name: filters.known(t, t + round(machine.channels[name].delay_s * 1e9), picked[name][0])
+        for name, (t, _) in read.items()
+    }
+    known: dict[str, filters.Ints] = {}
+    for name, own in filtered.items():
+        beside = mounting.turned_with(name, picked, machine.machine.imu)
+        at = series[name][0]
+        each = [filters.known(picked[other][0], filtered[other], at) for other in beside]
+        known[name] = np.max(each, axis=0) if each else own
+    for name in machine.derivation_order():
+        channel, sources = machine.channels[name], machine.channels[name].sources
+        if sources:
+            # a central difference waits for the next sample
+            wait_ns = 1 if channel.derivative_of else 0
+            at = series[name][0] + wait_ns
+            each = [filters.known(series[source][0], known[source], at) for source in sources]
+            known[name] = np.max(each, axis=0)
+    return known | {"direction_x_1": known["speed_x_m_s"]}

@@ -1,15 +1,18 @@
 """Low-pass and derivative at a topic's own rate, inside gap-free stretches."""
 
-from typing import cast
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.resample import interpolate
 from analysis.settings import AlignSettings
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Rates that differ by less are one rate.
+OTHER_RATE: Final = 1.5
 _ORDER = 4
 #: Stamps that stray less than this share of a period count as uniform.
 _UNIFORM = 0.01
@@ -61,7 +64,7 @@ def low_pass(
     times: list[Ints] = []
     outputs: list[Floats] = []
     for part in stretches(t_ns, longest_ns):
-        t, y = _uniform(t_ns[part], x[part], period, causal=causal)
+        t, y = _uniform(t_ns[part], x[part], period)
         if t.size <= settle:
             continue
         if causal:
@@ -77,44 +80,54 @@ def low_pass(
 
 
 def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:
-    """Differentiate between steps longer than `longest_ns`: central, or backward when `causal`."""
+    """Differentiate between steps longer than `longest_ns`, centrally: nothing is delayed.
+
+    When `causal`, the ends of a stretch have no derivative: they would be one-sided, and on board
+    nobody knows yet that a stretch ends. The others are known with the next sample.
+    """
     times: list[Ints] = []
     rates: list[Floats] = []
+    inner = slice(1, -1) if causal else slice(None)
     for part in stretches(t_ns, longest_ns):
         t, y = t_ns[part], x[part]
         if t.size < 3:
             continue
         seconds = (t - t[0]) / 1e9
-        if causal:
-            times.append(t[1:])
-            rates.append(np.diff(y) / np.diff(seconds))
-        else:
-            times.append(t)
-            rates.append(np.gradient(y, seconds))
+        times.append(t[inner])
+        rates.append(np.gradient(y, seconds)[inner])
     if not times:
         return t_ns[:0], x[:0]
     return np.concatenate(times), np.concatenate(rates)
 
 
-def held(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
-    """The last sample at or before each stamp, where it is no older than `longest_ns`.
+def interpolated(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> tuple[Ints, Floats]:
+    """Read the line between samples no further apart than `longest_ns` at ascending instants.
 
     Returns:
-        The stamps that have one, and the samples.
+        The instants that have a value, and the values.
     """
     if np.array_equal(t_ns, at_ns):
         return at_ns, x
-    index = np.searchsorted(t_ns, at_ns, side="right") - 1
-    known = (index >= 0) & (at_ns - t_ns[index] <= longest_ns)
-    return at_ns[known], x[index[known]]
+    values = interpolate(t_ns, x, at_ns, longest_ns)
+    found = ~np.isnan(values)
+    return at_ns[found], values[found]
 
 
-def _uniform(t_ns: Ints, x: Floats, period: float, *, causal: bool) -> tuple[Ints, Floats]:
+def known(t_ns: Ints, known_ns: Ints, at_ns: Ints) -> Ints:
+    """When the line between samples is known at ascending instants: when its later end has come.
+
+    Args:
+        t_ns: (n,) stamps, ascending.
+        known_ns: (n,) when each sample has come.
+        at_ns: (rows,) instants.
+    """
+    return known_ns[np.minimum(np.searchsorted(t_ns, at_ns), t_ns.size - 1)]
+
+
+def _uniform(t_ns: Ints, x: Floats, period: float) -> tuple[Ints, Floats]:
     if t_ns.size < 2 or np.abs(np.diff(t_ns) - period).max() <= _UNIFORM * period:
         return t_ns, x
     count = int((t_ns[-1] - t_ns[0]) // period) + 1
     t = t_ns[0] + np.round(np.arange(count) * period).astype(np.int64)
-    if causal:
-        return t, x[np.searchsorted(t_ns, t, side="right") - 1]
     # relative to the first stamp: float64 holds 2**53 ns, not the nanoseconds since 1970
     return t, np.interp((t - t_ns[0]).astype(float), (t_ns - t_ns[0]).astype(float), x)

@@ -1,6 +1,6 @@
 """The IMU's axes and place turned into the machine's."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ def to_machine_axes(
     Args:
         series: by channel: stamps (n,) and samples (n,), in IMU axes.
         imu: how it sits.
-        settings: how old an axis may be that has other stamps than the first.
+        settings: the gap rule of an axis that has other stamps than the first; it is interpolated.
 
     Raises:
         DataError: a rotated sensor of which only some axes are given.
@@ -78,8 +78,16 @@ def to_machine_axes(
     return out
 
 
+def turned_with(name: str, given: Iterable[str], imu: ImuMounting) -> tuple[str, ...]:
+    """The axes that an axis is turned with, itself among them; none where nothing is turned."""
+    for triple in (_SPECIFIC_FORCE, _RATES):
+        if name in triple and is_rotated(imu):
+            return tuple(each for each in triple if each in set(given))
+    return ()
+
+
 def _at(series: Series, t: Ints, settings: AlignSettings) -> Series:
-    return filters.held(*series, t, filters.longest_step_ns(series[0], settings))
+    return filters.interpolated(*series, t, filters.longest_step_ns(series[0], settings))
 
 
 def at_origin(columns: Mapping[str, Floats], imu: ImuMounting) -> dict[str, Floats]:

@@ -97,7 +97,9 @@ _HINTS = (
     _f("longitude_deg", "°", "longitude"),
 )
 _DIRECTION = _f(
-    "direction_x_1", "1", "sign of the longitudinal speed at its own rate: the Coulomb column"
+    "direction_x_1",
+    "1",
+    "sign of the longitudinal speed at its own rate, gridded like the others: the Coulomb column",
 )
 
 #: What no estimate needs: a hint that is late or stale costs nothing but itself.
@@ -143,7 +145,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "gap",
                     pl.Boolean,
                     "1",
-                    "true where a channel other than a hint has no fresh sample",
+                    "true where a channel other than a hint has no near sample on both sides",
                 ),
             ),
         ),

@@ -39,6 +39,13 @@ class AlignSettings(BaseModel):
 
     rate_hz: float = Field(100.0, gt=0, le=10_000, description="rate of the common grid")
     gap_periods: float = Field(3.0, gt=1, description="periods without a sample that make a gap")
+    latency_s: float | None = Field(
+        None,
+        ge=0,
+        le=60,
+        description="filter.causal: how far back a row looks, so that the samples on both sides "
+        "have come; none: as long as the regressor's slowest channel takes",
+    )
 
 
 class SmoothSettings(BaseModel):

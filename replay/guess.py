@@ -12,6 +12,7 @@ from typing import Any
 import polars as pl
 
 from analysis.schema import CHANNEL_COLUMNS
+from replay.guess_mounting import mounting_lines
 from replay.readers import Log, TimeAxis
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
@@ -81,6 +82,8 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         'timezone = "UTC"               # what a person reads times in',
         "",
     ]
+    sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
+    lines += mounting_lines(log, sources)
     if "table" in set(topics["topic"]) and time is not None:
         lines += ["[log]", f"time = {_quoted(time.column)}", f'time_unit = "{time.unit}"', ""]
     for guess in guesses:

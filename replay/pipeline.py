@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from analysis.align import align
+from analysis.align import notes as grid_notes
 from analysis.check import Verdict
 from analysis.derive import derive
 from analysis.diagnosis import verdict
@@ -51,8 +52,9 @@ def run(
     on_stage("derive")  # SI units; one filter on all of them where one is differentiated
     placed, stamps, doubts = place(raw)
     channels, missing, notes = derive(placed, machine)
-    on_stage("align")  # one grid, the last value at or before, never over a gap
+    on_stage("align")  # one grid, on the line between two samples, never over a gap
     aligned, t0_unix_ns = align(channels, machine)
+    notes += grid_notes(channels, machine)
     on_stage("smooth")  # the trailing moving mean, alike on every column
     smoothed = smooth(aligned, settings.smooth)
     on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.filters import derivative, low_pass, period_ns, stretches
+from analysis.filters import derivative, interpolated, known, low_pass, period_ns, stretches
 
 MS = 1_000_000
 T = np.arange(400) * 10 * MS + 1_700_000_000_000_000_000
@@ -36,6 +36,11 @@ def test_a_constant_passes_and_fast_noise_does_not(causal):
     assert np.abs(y[100:300]).max() < 1e-3
 
 
+def known_by(function, t, times):
+    """When the results are known: a central difference waits for the next sample."""
+    return known(t, t, times + 1 if function is derivative else times)
+
+
 @settings(deadline=None)
 @given(st.integers(20, 398), st.floats(-1e6, 1e6), st.integers(0, 2**32 - 1), st.booleans())
 def test_the_causal_forms_never_look_ahead(cut, change, seed, jitter):
@@ -47,7 +52,7 @@ def test_the_causal_forms_never_look_ahead(cut, change, seed, jitter):
     for function, extra in ((low_pass, (10.0, 3.0)), (derivative, (3.0,))):
         times, before = function(t, x, *extra, causal=True)
         _, after = function(t, later, *extra, causal=True)
-        past = times <= t[cut]
+        past = known_by(function, t, times) <= t[cut]
         np.testing.assert_array_equal(before[past], after[past])
 
 
@@ -81,6 +86,33 @@ def test_irregular_stamps_are_put_on_their_own_median_period():
     np.testing.assert_allclose(y[inside], ((times - t[0]) / 1e9)[inside], atol=1e-4)
 
 
+@pytest.mark.parametrize("phase_ms", [0, 4, 9])
+def test_the_causal_filter_delays_a_line_alike_at_any_phase_of_its_stamps(phase_ms):
+    """Irregular stamps are interpolated, not held: a line comes out the filter's delay later."""
+    regular = T + phase_ms * MS
+    t = regular + np.where(np.arange(T.size) % 3 == 2, 3 * MS, 0)
+    delays = []
+    for stamps in (regular, t):
+        times, y = low_pass(stamps, (stamps - T[0]) / 1e9, 10.0, 30 * MS, causal=True)
+        delays.append(((times - T[0]) / 1e9 - y)[200:390])
+    np.testing.assert_allclose(delays[1], delays[0], atol=2e-6)
+
+
+def test_a_value_between_samples_is_known_with_the_later_one():
+    t = np.array([0, 10, 20, 30])
+    np.testing.assert_array_equal(
+        known(t, t + 5, np.array([0, 1, 10, 19, 30])), [5, 15, 15, 25, 35]
+    )
+
+
+def test_interpolation_leaves_out_what_has_no_near_neighbours():
+    t, x = np.array([0, 10, 20, 60]), np.array([0.0, 1.0, 3.0, 4.0])
+    at = np.array([-1, 0, 5, 15, 20, 40, 60, 61])
+    times, y = interpolated(t, x, at, 30.0)
+    np.testing.assert_array_equal(times, [0, 5, 15, 20, 60])
+    np.testing.assert_array_equal(y, [0.0, 0.5, 2.0, 3.0, 4.0])
+
+
 @given(
     st.lists(st.integers(5 * MS, 15 * MS), min_size=4, max_size=50),
     st.floats(-100, 100),
@@ -91,7 +123,7 @@ def test_the_derivative_of_a_line_is_its_slope_at_any_stamps(steps, slope, start
     x = start + slope * ((t - t[0]) / 1e9)
     for causal in (True, False):
         times, rate = derivative(t, x, 300 * MS, causal=causal)
-        np.testing.assert_array_equal(times, t[1:] if causal else t)
+        np.testing.assert_array_equal(times, t[1:-1] if causal else t)
         np.testing.assert_allclose(rate, slope, atol=1e-6)
 
 

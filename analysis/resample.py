@@ -1,0 +1,91 @@
+"""The value of a signal between its samples: on the line between two neighbours, never over a gap.
+
+Stamps are integer nanoseconds throughout: a float holds unix time to a quarter of a microsecond.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.compiled import compiled
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def interpolate(t_ns: Ints, x: Floats, at_ns: Ints, longest_ns: float) -> Floats:
+    """Read the line through the samples (rows,); the sample itself at its stamp.
+
+    Args:
+        t_ns: (n,) stamps, strictly ascending.
+        x: (n,) samples.
+        at_ns: (rows,) instants, ascending.
+        longest_ns: neighbours further apart have nothing between them.
+
+    Returns:
+        (rows,), NaN between such neighbours, before the first sample and after the last.
+    """
+    out = np.full(at_ns.size, np.nan)
+    _interpolate(t_ns, np.ascontiguousarray(x), at_ns, int(longest_ns), out)
+    return out
+
+
+def average(t_ns: Ints, x: Floats, at_ns: Ints, width_ns: int, longest_ns: float) -> Floats:
+    """Average the line through the samples over a width about each instant, by its exact integral.
+
+    Beside a gap, the first sample and the last, the width shrinks on both sides alike, so that
+    nothing is delayed. A value is known where `interpolate` knows it.
+
+    Args:
+        t_ns: (n,) stamps, strictly ascending.
+        x: (n,) samples.
+        at_ns: (rows,) instants, ascending.
+        width_ns: averaged over, half of it on either side.
+        longest_ns: neighbours further apart have nothing between them.
+    """
+    out = np.full(at_ns.size, np.nan)
+    _average(t_ns, np.ascontiguousarray(x), at_ns, width_ns // 2, int(longest_ns), out)
+    return out
+
+
+@compiled
+def _interpolate(t: Ints, x: Floats, at: Ints, longest: int, out: Floats) -> None:
+    last = t.size - 1
+    i = 0
+    for k in range(at.size):
+        while i < last and t[i + 1] <= at[k]:
+            i += 1
+        since = at[k] - t[i]
+        if since == 0:
+            out[k] = x[i]
+        elif since > 0 and i < last and t[i + 1] - t[i] <= longest:
+            out[k] = x[i] + (x[i + 1] - x[i]) * (since / (t[i + 1] - t[i]))
+
+
+@compiled
+def _average(t: Ints, x: Floats, at: Ints, half: int, longest: int, out: Floats) -> None:
+    last = t.size - 1
+    i = 0
+    for k in range(at.size):
+        s = at[k]
+        while i < last and t[i + 1] <= s:
+            i += 1
+        if s < t[i] or (s > t[i] and (i == last or t[i + 1] - t[i] > longest)):
+            continue
+        left = i
+        while t[left] > s - half and left > 0 and t[left] - t[left - 1] <= longest:
+            left -= 1
+        right = i if s == t[i] else i + 1
+        while t[right] < s + half and right < last and t[right + 1] - t[right] <= longest:
+            right += 1
+        reach = min(half, s - t[left], t[right] - s)
+        if reach <= 0:
+            out[k] = x[i]
+            continue
+        total = 0.0
+        for j in range(left, right):
+            a, b = max(t[j], s - reach), min(t[j + 1], s + reach)
+            if a < b:
+                slope = (x[j + 1] - x[j]) / (t[j + 1] - t[j])
+                middle = x[j] + slope * ((a - t[j]) + 0.5 * (b - a))
+                total += middle * (b - a)
+        out[k] = total / (2 * reach)

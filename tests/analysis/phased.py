@@ -1,0 +1,78 @@
+"""Nine simulated starts of which every topic is sampled at its own rate and phase."""
+
+from functools import cache
+
+import numpy as np
+import polars as pl
+
+from analysis.align import align
+from analysis.check import Verdict
+from analysis.derive import derive
+from analysis.diagnosis import verdict
+from analysis.forces import forces
+from analysis.gate import gate
+from analysis.masses import masses
+from analysis.simulation import Scenario, solve_motion
+from analysis.smooth import smooth
+from analysis.stamps import place
+from analysis.trace import trace
+
+STARTS = 9
+TRUE_KG = 3614.0
+T0_NS = 1_700_000_000_000_000_000
+NOISE = {"force": 60.0, "speed": 0.005, "imu": 0.01}
+FIELDS = {
+    "force": "measured_force_x_N",
+    "speed": "speed_x_m_s",
+    "imu": "specific_force_x_m_s2",
+}
+CHANNELS = {
+    "force_x_N": {"topic": "/force", "field": "x"},
+    "speed_x_m_s": {"topic": "/speed", "field": "x"},
+    "specific_force_x_m_s2": {"topic": "/imu", "field": "x"},
+}
+
+
+@cache
+def _motion():
+    return solve_motion(Scenario(), 0.0)
+
+
+def sampled(topic, rate_hz, phase_s=0.0, seed=1, noise=1.0, delay_s=0.0, jitter_s=0.0):
+    """Stamps and samples of a topic over the whole campaign."""
+    trial_s = _motion().duration_s
+    t_s = np.arange(phase_s, STARTS * trial_s, 1.0 / rate_hz)
+    generator = np.random.default_rng([seed, sorted(FIELDS).index(topic)])
+    t_s = t_s + generator.uniform(-jitter_s, jitter_s, t_s.size)
+    motion = _motion().sample(np.maximum(t_s - delay_s, 0.0) % trial_s)
+    x = getattr(motion, FIELDS[topic]) + noise * NOISE[topic] * generator.normal(size=t_s.size)
+    return T0_NS + np.round(t_s * 1e9).astype(np.int64), x
+
+
+def raw(seed=1, noise=1.0, **topics):
+    """A log: by topic what differs from 100 Hz without phase, delay and jitter."""
+    frames = {}
+    for topic in FIELDS:
+        t, x = sampled(
+            topic, **{"rate_hz": 100.0, "seed": seed, "noise": noise} | topics.get(topic, {})
+        )
+        frames[f"/{topic}"] = pl.DataFrame({"log_time_ns": t, "header_stamp_ns": t, "x": x})
+    return frames
+
+
+def excitation(log, machine):
+    """The log through every stage up to `forces`."""
+    channels, _, _ = derive(place(log)[0], machine)
+    aligned, _ = align(channels, machine)
+    return forces(smooth(aligned, machine.settings.smooth), machine)
+
+
+def pooled(log, machine, method="pooled"):
+    """The mass of a method over the whole log, and its standard deviation, in kg."""
+    excited = excitation(log, machine)
+    settings = machine.settings
+    gated = gate(excited, settings)
+    opinion = Verdict.of(verdict(excited, gated, machine))
+    table = masses(excited, gated, trace(excited, gated, settings), machine, opinion)
+    row = table.row(by_predicate=pl.col("method") == method, named=True)
+    return row["mass_kg"], row["mass_std_kg"]
