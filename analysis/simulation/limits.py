@@ -10,7 +10,9 @@ import numpy as np
 from analysis.simulation.arc import arc_phases
 from analysis.simulation.body import RigidBody
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start
+from analysis.simulation.recorder import TOPICS, rate_hz
 from analysis.simulation.scenario import Scenario
+from analysis.simulation.switches import check_switches
 from estimators.errors import ScenarioError
 
 #: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
@@ -30,9 +32,10 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
         ScenarioError: the key and its fault.
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
-    if scenario.log.latency_jitter_s * scenario.sensors.rate_hz >= 1:
+    check_switches(scenario)
+    if scenario.log.latency_jitter_s * max(rate_hz(scenario, topic) for topic in TOPICS) >= 1:
         raise ScenarioError(
-            "log.latency_jitter_s: must be shorter than a period of sensors.rate_hz, "
+            "log.latency_jitter_s: must be shorter than the period of every topic, "
             "so that messages are recorded in order"
         )
     if 0 < machine.slip_stiffness_N < full_N:
