@@ -193,6 +193,8 @@ class _Driver:
         self._plant = plant_of(scenario)
         self._state = plant.still()
         self._starts = 0
+        if self._plant.resonance_rad_s:
+            self._state[plant.STRETCH] = self._sag_m()
         fastest = max(
             scenario.drivetrain.resonance_hz, scenario.chassis.squat_hz, scenario.starts.stick_hz
         )
@@ -201,7 +203,7 @@ class _Driver:
 
     def drive(self, trial: int, number: int, manoeuvre: Manoeuvre, trial_begin_s: float) -> None:
         """One manoeuvre, from standing to standing."""
-        load_kg = max(self._load_kg + self._scenario.loading.added_kg(self._starts), 0.0)
+        load_kg = self._load_kg + self._scenario.loading.added_kg(self._starts)
         body = RigidBody.loaded(self._scenario, load_kg)
         load_end_kg, direction, throttle = load_kg, None, None
         match manoeuvre:
@@ -351,6 +353,15 @@ class _Driver:
         turn = 2.0 * math.pi * float(self._state[plant.POSITION]) / terrain.hills_length_m
         hills = math.sin(turn + math.radians(terrain.hills_phase_deg))
         return terrain.slope_rad + math.radians(terrain.hills_deg) * hills
+
+    def _sag_m(self) -> float:
+        """How far the spring of the driveline is stretched by the slope where a log begins."""
+        mass_kg = self._scenario.machine.mass_kg + self._load_kg
+        wheel_kg = self._plant.wheel_share * mass_kg + self._plant.rotating_kg
+        body_kg = mass_kg * (1.0 - self._plant.wheel_share)
+        reduced_kg = wheel_kg * body_kg / (wheel_kg + body_kg)
+        pull_N = body_kg * self._plant.gravity_m_s2 * math.sin(self._slope_rad())
+        return pull_N / (reduced_kg * self._plant.resonance_rad_s**2)
 
     def _keeping(self, stage: DriveStage, full_N: float) -> float:
         """The drive force that keeps the speed on this slope, within that of the throttle."""

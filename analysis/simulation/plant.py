@@ -119,7 +119,8 @@ def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> flo
         first = min(max(int(place), 0), wave.size - 2)
         return wave[first] + (wave[first + 1] - wave[first]) * (place - first)
     if stage.stick_share > 0.0:
-        return stage.drive_N * (1.0 + stage.stick_share * math.sin(stage.stick_rad_s * since_s))
+        back = 0.5 - 0.5 * math.cos(stage.stick_rad_s * since_s)
+        return stage.drive_N * (1.0 - stage.stick_share * back)
     return stage.drive_N
 
 

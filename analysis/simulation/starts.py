@@ -24,7 +24,10 @@ class SimulatedStarts(BaseModel):
         description="of the Coulomb friction from start to start, normal, none below 0",
     )
     stick_share: float = Field(
-        default=0.0, ge=0, le=1, description="part of the throttle by which the stick swings"
+        default=0.0,
+        ge=0,
+        le=1,
+        description="part of the throttle by which the stick swings back and forth",
     )
     stick_hz: float = Field(default=0.7, gt=0, le=50, description="how often it swings, as a sine")
     turn_rad_s: float = Field(
