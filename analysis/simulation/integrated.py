@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -28,6 +29,8 @@ _TOP_SPEED_M_S: Final = 50.0
 _WAVE_STEP_S: Final = 0.001
 #: Numbers of stages; the phase of one that is free follows from its motion.
 _REST, _OPEN, _STEADY, _BRAKING, _FREE = range(5)
+#: Columns of what changes how fast.
+_FORCE_RATE, _TURN, _JERK = range(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +61,17 @@ class IntegratedLog:
         part = np.clip((time_s - time[last]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
         low, high = rows[last], rows[last + 1]
         now = (low + (high - low) * part[:, None]).T
-        rate = ((high - low) / np.where(span > 0.0, span, np.inf)[:, None]).T
+        slopes = self._slopes
+        rate = (slopes[last] + (slopes[last + 1] - slopes[last]) * part[:, None]).T
         wheel, body, acc = now[1 + plant.WHEEL], now[1 + plant.BODY], now[plant.ACCELERATION]
         position = now[1 + plant.POSITION]
         slope = self._slope_rad(position)
-        omega, turn = now[plant.YAW_RATE], rate[plant.YAW_RATE]
+        omega, turn = now[plant.YAW_RATE], rate[_TURN]
         force = now[plant.GROUND] - now[plant.BRAKED]
         squat, squat_rate = now[1 + plant.PITCH], now[1 + plant.PITCH_RATE]
         if not self.scenario.chassis.squat_hz:
             gain = math.radians(self.scenario.chassis.squat_deg_s2_m)
-            squat, squat_rate = gain * acc, gain * rate[plant.ACCELERATION]
+            squat, squat_rate = gain * acc, gain * rate[_JERK]
         torque = self._inertia_z(now[plant.MASS]) * turn + machine.friction_z_N_m_s * omega
         torque = torque + machine.coulomb_z_N_m * np.sign(omega)
         seen = self.scenario.campaign.brake_measured_share
@@ -86,12 +90,25 @@ class IntegratedLog:
             specific_force_y_m_s2=omega * body,
             heading_rad=np.interp(time_s, time, self._heading_rad()),
             wheel_speed_x_m_s=wheel,
-            force_rate_x_N_s=rate[plant.GROUND] - rate[plant.BRAKED],
+            force_rate_x_N_s=rate[_FORCE_RATE],
             slope_rad=slope,
             squat_rad=squat,
             nose_up_rate_rad_s=squat_rate + self._slope_rad_m(position) * wheel,
             mass_kg=now[plant.MASS],
         )
+
+    @cached_property
+    def _slopes(self) -> Floats:
+        """(n, 3) how fast force, yaw rate and acceleration change; not across a sudden change."""
+        rows, time = self.rows, self.rows[:, plant.TIME]
+        force = rows[:, plant.GROUND] - rows[:, plant.BRAKED]
+        values = np.column_stack([force, rows[:, plant.YAW_RATE], rows[:, plant.ACCELERATION]])
+        span = np.diff(time)[:, None]
+        between = np.diff(values, axis=0) / np.where(span > 0.0, span, np.inf)
+        none = np.zeros((1, values.shape[1]))
+        sides = np.concatenate([none, between]), np.concatenate([between, none])
+        known = [np.concatenate(each) > 0.0 for each in ((none[:, :1], span), (span, none[:, :1]))]
+        return (sides[0] + sides[1]) / np.maximum(known[0].astype(float) + known[1], 1.0)
 
     def _slope_rad(self, position_m: Floats) -> Floats:
         terrain = self.scenario.terrain
