@@ -93,7 +93,7 @@ def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> 
     """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
     if integrated_for(scenario) is None:
         return repeated(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
-    from analysis.simulation.integrated import integrate_log
+    from analysis.simulation.log_drive import integrate_log
 
     whole = integrate_log(scenario, load_kg, index)
     return continuous(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)

@@ -5,8 +5,9 @@ it is simulated.
 """
 
 import math
-from typing import Self
+from typing import Self, overload
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from analysis.simulation.brakes import SimulatedBrakes
@@ -18,6 +19,7 @@ from analysis.simulation.loading import SimulatedLoading
 from analysis.simulation.manoeuvres import Manoeuvre, Rest, Start
 from analysis.simulation.sampling import SimulatedSampling
 from analysis.simulation.starts import SimulatedStarts
+from analysis.simulation.waveforms import Floats
 
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -157,8 +159,27 @@ class SimulatedTerrain(BaseModel):
 
     @property
     def slope_rad(self) -> float:
-        """The slope, and with it the pitch: positive nose-up."""
+        """The slope without hills, and with it the pitch: positive nose-up."""
         return math.radians(self.slope_deg)
+
+    @property
+    def hills_rad_m(self) -> float:
+        """Phase of the hills along the way."""
+        return 2.0 * math.pi / self.hills_length_m
+
+    @overload
+    def slope_at_rad(self, position_m: float) -> float: ...
+    @overload
+    def slope_at_rad(self, position_m: Floats) -> Floats: ...
+    def slope_at_rad(self, position_m: float | Floats) -> float | Floats:
+        """The slope at one or (n,) places, from where a log begins."""
+        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return self.slope_rad + math.radians(self.hills_deg) * np.sin(phase)
+
+    def slope_change_rad_m(self, position_m: Floats) -> Floats:
+        """How much the slope changes along the way, at (n,) places."""
+        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return math.radians(self.hills_deg) * self.hills_rad_m * np.cos(phase)
 
 
 class Scenario(BaseModel):
