@@ -13,8 +13,8 @@ class SimulatedBrakes(BaseModel):
         default=0.0,
         ge=0,
         le=60,
-        description="time over which they let go, linearly, from a start's beginning; 0: at once",
+        description="time constant with which they let go from a start's beginning; 0: at once",
     )
     release_N: float = Field(
-        default=3000.0, ge=0, le=1e6, description="drag with which such a release begins"
+        default=5000.0, ge=0, le=1e6, description="drag with which such a release begins"
     )

@@ -40,7 +40,7 @@ class IntegratedLog:
 
     def sample(self, time_s: Floats) -> Channels:
         """The channels at times (n,) in s since the log began: any times, in any order."""
-        machine, rows = self.scenario.machine, self.rows
+        machine, terrain, rows = self.scenario.machine, self.scenario.terrain, self.rows
         time = rows[:, plant.TIME]
         last = np.clip(np.searchsorted(time, time_s, side="right") - 1, 0, len(time) - 2)
         span = time[last + 1] - time[last]
@@ -51,7 +51,7 @@ class IntegratedLog:
         rate = (slopes[last] + (slopes[last + 1] - slopes[last]) * part[:, None]).T
         wheel, body, acc = now[1 + plant.WHEEL], now[1 + plant.BODY], now[plant.ACCELERATION]
         position = now[1 + plant.POSITION]
-        slope = self.scenario.terrain.slope_at_rad(position)
+        slope = terrain.slope_at_rad(position)
         omega, turn = now[plant.YAW_RATE], rate[_TURN]
         force = now[plant.GROUND] - now[plant.BRAKED]
         squat, squat_rate = now[1 + plant.PITCH], now[1 + plant.PITCH_RATE]
@@ -61,7 +61,7 @@ class IntegratedLog:
         torque = self._inertia_z(now[plant.MASS]) * turn + machine.friction_z_N_m_s * omega
         torque = torque + machine.coulomb_z_N_m * np.sign(omega)
         seen = self.scenario.campaign.brake_measured_share
-        gravity = self.scenario.terrain.gravity_m_s2 * np.sin(slope)
+        gravity = terrain.gravity_m_s2 * np.sin(slope)
         return Channels(
             phase=self._phase(last, wheel, acc),
             speed_x_m_s=body,
@@ -79,8 +79,7 @@ class IntegratedLog:
             force_rate_x_N_s=rate[_FORCE_RATE],
             slope_rad=slope,
             squat_rad=squat,
-            nose_up_rate_rad_s=squat_rate
-            + self.scenario.terrain.slope_change_rad_m(position) * wheel,
+            nose_up_rate_rad_s=squat_rate + terrain.slope_change_rad_m(position) * wheel,
             mass_kg=now[plant.MASS],
         )
 

@@ -102,11 +102,8 @@ class _Driver:
         )
         lag_s = scenario.campaign.valve_lag_s
         #: Whether anything goes on in a machine that stands.
-        self._swings = bool(
-            scenario.drivetrain.resonance_hz
-            or scenario.chassis.squat_hz
-            or scenario.chassis.boom_kg
-        )
+        drivetrain, chassis = scenario.drivetrain, scenario.chassis
+        self._swings = bool(drivetrain.resonance_hz or chassis.squat_hz or chassis.boom_kg)
         self._step_s = min(_STEP_S, 1.0 / (_STEPS_A_SWING * fastest), lag_s / _STEPS_A_LAG)
 
     def drive(self, trial: int, number: int, manoeuvre: Manoeuvre, trial_begin_s: float) -> None:

@@ -102,8 +102,8 @@ def _friction(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> f
     """What friction can hold, and slides with, at a time and a yaw rate."""
     capacity = stage.coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:
-        left = 1.0 - (t - stage.release_from_s) / stage.release_s
-        capacity += stage.release_N * max(0.0, left)
+        since_s = t - stage.release_from_s
+        capacity += stage.release_N * math.exp(-since_s / stage.release_s)
     if stage.digging_N > 0.0:
         grown = (t - stage.digging_from_s) / stage.digging_s
         capacity += stage.digging_N * min(1.0, max(0.0, grown))

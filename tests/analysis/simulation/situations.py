@@ -45,8 +45,8 @@ MACHINE: Final[dict[str, dict[str, Any]]] = {
         "chassis": {"squat_deg_s2_m": 0.5},
         "machine": {"slip_stiffness_N": 80_000.0},
     },
-    "brakes release over 0.15 s": {"brakes": {"release_s": 0.15}},
-    "brakes release over 0.5 s": {"brakes": {"release_s": 0.5}},
+    "brakes release in 0.15 s": {"brakes": {"release_s": 0.15}},
+    "brakes release in 0.5 s": {"brakes": {"release_s": 0.5}},
     "brakes drag": {"brakes": {"drag_N": 200.0}},
     "brakes seen to 90 %": {"campaign": {"brake_measured_share": 0.9}},
     "scrubbing in a turn": {"starts": {"turn_rad_s": 0.04}},
@@ -82,8 +82,8 @@ INSTRUMENTS: Final[dict[str, dict[str, Any]]] = {
     "accelerometer +0.1 m/s²": {"sensors": {"acc_bias_m_s2": 0.1}},
     "force low-passed 50 ms": {"defects": {"force_lag_s": 0.05}},
     "force low-passed 200 ms": {"defects": {"force_lag_s": 0.2}},
-    "vibration 0.3 m/s²": {"defects": {"vibration_m_s2": 0.3}},
-    "load transfer 2 % a m/s²": {"defects": {"force_share_s2_m": 0.02}},
+    "vibration 0.3 m/s²": {"defects": {"vibration_m_s2": 0.3, "vibration_hz": 7.0}},
+    "share of 0.5 falls 0.02 a m/s²": {"defects": {"force_share_s2_m": 0.04}},
     "share grows with the load": {
         "defects": {"force_share_1_kg": 1.7e-4},
         "campaign": {"loads_kg": [250.0]},
@@ -102,8 +102,8 @@ HARMLESS: Final[dict[str, dict[str, Any]]] = {
     "drops 10 %": {"log": {"dropout_share": 0.1}},
     "swapped messages": {"log": {"swapped_share": 0.1}},
     "speed quantised to 0.05 m/s": {"sensors": {"speed_lsb_m_s": 0.05}},
-    "surge resonance 2 Hz": {"drivetrain": {"resonance_hz": 2.0}},
-    "surge resonance 4 Hz": {"drivetrain": {"resonance_hz": 4.0}},
+    "surge resonance 2 Hz": {"drivetrain": {"resonance_hz": 2.0, "resonance_damping": 0.3}},
+    "surge resonance 4 Hz": {"drivetrain": {"resonance_hz": 4.0, "resonance_damping": 0.3}},
     "boom motion": {"chassis": {"boom_kg": 200.0}},
     "coasting": _start(coast_s=2.0),
     "restless stick": {"starts": {"stick_share": 0.3}},
@@ -120,7 +120,13 @@ WITHHELD: Final[dict[str, dict[str, Any]]] = {
         "campaign": {
             "runs": 1,
             "manoeuvres": [
-                {"kind": "arc", "speed_m_s": 1.0, "yaw_rate_rad_s": 0.0, "duration_s": 60.0}
+                {
+                    "kind": "arc",
+                    "speed_m_s": 1.0,
+                    "yaw_rate_rad_s": 0.0,
+                    "duration_s": 60.0,
+                    "ramp_s": 100.0,
+                }
             ],
         }
     },
