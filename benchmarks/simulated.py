@@ -42,18 +42,19 @@ def excitation(
     stamps = log.topics["torque"]["header_stamp_ns"]
     noise_N = coloured(stamps.len(), force_N, lasting_s, plan.sensors.rate_hz, plan.sensors.seed)
     side_N_m = noise_N * plan.machine.force_share * plan.machine.wheel_radius_m / 2.0
-    columns = {
-        name: topic[name]
-        for topic in log.topics.values()
-        for name in topic.columns
-        if not name.endswith("_ns")
+    topics = {
+        **log.topics,
+        "torque": log.topics["torque"].with_columns(
+            pl.col("torque_left_N_m", "torque_right_N_m") + pl.Series(side_N_m)
+        ),
+        "speed": log.topics["speed"].with_columns(
+            speed_x_m_s=pl.mean_horizontal("speed_left_m_s", "speed_right_m_s")
+        ),
     }
-    for side in ("left", "right"):
-        columns[f"torque_{side}_N_m"] = columns[f"torque_{side}_N_m"] + side_N_m
-    columns["speed_x_m_s"] = (columns["speed_left_m_s"] + columns["speed_right_m_s"]) / 2.0
     wanted = {
-        name: pl.DataFrame({"unix_ns": stamps, name: column})
-        for name, column in columns.items()
+        name: topic.select(pl.col("header_stamp_ns").alias("unix_ns"), name)
+        for topic in topics.values()
+        for name in topic.columns
         if name in machine.channels
     }
     aligned, _ = align(wanted, machine)

@@ -20,9 +20,16 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from analysis.settings import Settings
+from analysis.simulation.brakes import SimulatedBrakes
+from analysis.simulation.chassis import SimulatedChassis
+from analysis.simulation.defects import SimulatedDefects
+from analysis.simulation.drivetrain import SimulatedDrivetrain
 from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
+from analysis.simulation.loading import SimulatedLoading
 from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
+from analysis.simulation.sampling import SimulatedSampling
 from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, SimulatedTerrain
+from analysis.simulation.starts import SimulatedStarts
 from analysis.simulation.waveforms import ForceWave, TorqueWave
 
 REPO = Path(__file__).resolve().parent.parent
@@ -73,7 +80,14 @@ def scenario_tables() -> str:
             ("machine", SimulatedMachine),
             ("campaign", SimulatedCampaign),
             ("terrain", SimulatedTerrain),
+            ("drivetrain", SimulatedDrivetrain),
+            ("chassis", SimulatedChassis),
+            ("brakes", SimulatedBrakes),
+            ("starts", SimulatedStarts),
+            ("loading", SimulatedLoading),
             ("sensors", SimulatedSensors),
+            ("sampling", SimulatedSampling),
+            ("defects", SimulatedDefects),
             ("log", SimulatedRecorder),
         )
     ]

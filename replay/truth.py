@@ -22,6 +22,8 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
         "load_kg": simulated.load_kg,
         # the log's own times are unix times less this
         "time_zero_unix_ns": simulated.origin_unix_ns if log.suffix == ".csv" else 0,
+        # first sample of each topic since the log's beginning
+        "phase_s": dict(simulated.phase_s),
         "runs": simulated.trials.to_dicts(),
         "manoeuvres": simulated.manoeuvres.to_dicts(),
         "scenario": simulated.scenario.model_dump(mode="json"),

@@ -1,8 +1,10 @@
 """The machine model: one machine, its motion, its sensors, and the campaign that they record.
 
-Files follow the signal: `scenario` with `manoeuvres` and `waveforms` (what is asked for), `body`
-(the equations of motion), `solve` with `driven` and `arc` (a trial solved without noise: a
-`motion`), `sensors` (what the instruments report of it), `campaign` (loads, trials, truth).
+Files follow the signal: `scenario` with its sections (what is asked for), `body` (the equations of
+motion), `solve` with `driven` and `arc` (an exact trial: a `motion`), or, where `switches` says so,
+`log_drive` with `plant` (an `integrated` log on a straight line), `timeline` (a log in time),
+`sensors` with `lag` and `streams` (what the instruments report), `recorder` (when, and what is
+kept), `campaign` (loads, trials, truth).
 """
 
 from analysis.simulation.campaign import SimulatedLog, simulate_campaign

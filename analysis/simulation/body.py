@@ -43,6 +43,7 @@ class RigidBody:
     coulomb_z_N_m: float
     #: g sin(slope): uphill is where the machine looks at heading 0.
     uphill_m_s2: float
+    slope_rad: float
 
     @classmethod
     def loaded(cls, scenario: Scenario, load_kg: float) -> Self:
@@ -59,6 +60,7 @@ class RigidBody:
             coulomb_x_N=machine.coulomb_N,
             coulomb_z_N_m=machine.coulomb_z_N_m,
             uphill_m_s2=terrain.gravity_m_s2 * float(np.sin(terrain.slope_rad)),
+            slope_rad=terrain.slope_rad,
         )
 
     @property

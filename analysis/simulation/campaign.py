@@ -3,20 +3,19 @@
 A trial is what a scenario calls a run: the manoeuvres of `campaign.manoeuvres`, once.
 """
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
 from analysis.schema import PHASE
 from analysis.simulation.limits import check_limits
-from analysis.simulation.motion import Channels, ManoeuvreTimes, SolvedMotion
+from analysis.simulation.recorder import TOPICS, instants_ns, phase_s
 from analysis.simulation.scenario import Scenario
-from analysis.simulation.sensors import Streams, measure
+from analysis.simulation.sensors import measure
 from analysis.simulation.solve import solve_motion
+from analysis.simulation.switches import integrated_for
+from analysis.simulation.timeline import Timeline, continuous, repeated
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +29,15 @@ class SimulatedLog:
         trials: a row a trial: `run` (its number), the unix times `start_ns` and `end_ns`,
             `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without one), and
             the true `load_kg mass_kg friction_N_s_m coulomb_N slope_deg inertia_z_kg_m2 com_x_m
-            com_y_m friction_z_N_m_s coulomb_z_N_m`: of machine and load, about the origin.
+            com_y_m friction_z_N_m_s coulomb_z_N_m`: of machine and load, about the origin, where
+            its first start begins (without one, its first manoeuvre).
         manoeuvres: a row a manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and the
-            unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not).
-        noise_free: the motion at the header stamps: `time_ns` (unix) and the fields of `Channels`.
+            unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not);
+            `load_kg mass_kg coulomb_N` where it begins, `load_end_kg` where it brakes, and of a
+            start its `direction` and its share of full `throttle`.
+        noise_free: the motion every period of `sensors.rate_hz` from the log's beginning on:
+            `time_ns` (unix) and the fields of `Channels`.
+        phase_s: when each topic is first sampled, in s since the log's beginning.
     """
 
     scenario: Scenario
@@ -42,6 +46,7 @@ class SimulatedLog:
     trials: pl.DataFrame
     manoeuvres: pl.DataFrame
     noise_free: pl.DataFrame
+    phase_s: Mapping[str, float]
 
     @property
     def origin_unix_ns(self) -> int:
@@ -67,113 +72,31 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
 def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
     start_ns = _ns(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
-        timeline = _Timeline(scenario, solve_motion(scenario, load_kg), start_ns)
-        stamp_ns = timeline.stamps_ns()
-        now = timeline.channels(stamp_ns)
-        streams = Streams(scenario.sensors.seed, index, timeline.trial(stamp_ns))
+        timeline = _timeline(scenario, load_kg, index, start_ns)
+        time_ns = instants_ns(timeline, scenario.sensors.rate_hz, 0.0)
+        now = timeline.sample(time_ns)
         yield SimulatedLog(
             scenario=scenario,
             load_kg=load_kg,
-            topics=measure(scenario, streams, stamp_ns, timeline.channels),
-            trials=_trials(timeline, load_kg),
-            manoeuvres=_manoeuvres(timeline),
-            noise_free=pl.DataFrame({"time_ns": stamp_ns, **now._asdict()}).with_columns(
+            topics=measure(scenario, timeline, index),
+            trials=timeline.trials(scenario.terrain.slope_deg),
+            manoeuvres=timeline.manoeuvres(),
+            noise_free=pl.DataFrame({"time_ns": time_ns, **now._asdict()}).with_columns(
                 pl.col("phase").cast(PHASE)
             ),
+            phase_s={topic: phase_s(scenario, topic, index) for topic in TOPICS},
         )
         start_ns = timeline.end_ns + _ns(scenario.log.load_change_s)
 
 
-@dataclass(frozen=True)
-class _Timeline:
-    """The same trial again and again, then a rest, from unix time `start_ns` on."""
+def _timeline(scenario: Scenario, load_kg: float, index: int, start_ns: int) -> Timeline:
+    """The log of a load: one exact trial repeated where that can be, integrated otherwise."""
+    if integrated_for(scenario) is None:
+        return repeated(scenario, load_kg, solve_motion(scenario, load_kg), start_ns)
+    from analysis.simulation.log_drive import integrate_log
 
-    scenario: Scenario
-    motion: SolvedMotion
-    start_ns: int
-
-    @property
-    def period_ns(self) -> int:
-        return math.ceil(self.motion.duration_s * 1e9)
-
-    @property
-    def trials(self) -> int:
-        return self.scenario.campaign.runs
-
-    @property
-    def end_ns(self) -> int:
-        rest_ns = _ns(self.scenario.campaign.rest_s)
-        return self.start_ns + self.trials * self.period_ns + rest_ns
-
-    def stamps_ns(self) -> NDArray[np.int64]:
-        period_ns = 1e9 / self.scenario.sensors.rate_hz
-        samples = math.ceil((self.end_ns - self.start_ns) / period_ns)
-        return self.start_ns + np.rint(np.arange(samples) * period_ns).astype(np.int64)
-
-    def trial(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The trial at each time; the rest after the last has the next number."""
-        return np.clip((time_ns - self.start_ns) // self.period_ns, 0, self.trials)
-
-    def channels(self, time_ns: NDArray[np.int64]) -> Channels:
-        trial_start_ns = np.minimum(self.trial(time_ns), self.trials - 1) * self.period_ns
-        return self.motion.sample((time_ns - self.start_ns - trial_start_ns) * np.float64(1e-9))
-
-
-def _trials(timeline: _Timeline, load_kg: float) -> pl.DataFrame:
-    """Where each trial is, and the truth about the machine in it."""
-    body = timeline.motion.body
-    start_ns = timeline.start_ns + timeline.period_ns * np.arange(timeline.trials, dtype=np.int64)
-    starts = (window for window in timeline.motion.manoeuvres if window.kind == "start")
-    start = next(starts, ManoeuvreTimes("start", 0.0, None, None, None, 0.0))
-    return pl.DataFrame(
-        {
-            "run": np.arange(timeline.trials),
-            "start_ns": start_ns,
-            "throttle_ns": _after(start_ns, start.drive_s),
-            "cruise_ns": _after(start_ns, start.steady_s),
-            "braking_ns": _after(start_ns, start.braking_s),
-            "end_ns": start_ns + timeline.period_ns,
-        }
-    ).with_columns(
-        load_kg=pl.lit(load_kg),
-        mass_kg=pl.lit(body.mass_kg),
-        friction_N_s_m=pl.lit(body.friction_x_N_s_m),
-        coulomb_N=pl.lit(body.coulomb_x_N),
-        slope_deg=pl.lit(timeline.scenario.terrain.slope_deg),
-        inertia_z_kg_m2=pl.lit(body.inertia_z_kg_m2),
-        com_x_m=pl.lit(body.com_x_m),
-        com_y_m=pl.lit(body.com_y_m),
-        friction_z_N_m_s=pl.lit(body.friction_z_N_m_s),
-        coulomb_z_N_m=pl.lit(body.coulomb_z_N_m),
-    )
-
-
-def _manoeuvres(timeline: _Timeline) -> pl.DataFrame:
-    """Where each manoeuvre of each trial is."""
-    windows = timeline.motion.manoeuvres
-    rows = [
-        {
-            "run": trial,
-            "manoeuvre": number,
-            "kind": window.kind,
-            "start_ns": start_ns + _ns(window.start_s),
-            "drive_ns": None if window.drive_s is None else start_ns + _ns(window.drive_s),
-            "steady_ns": None if window.steady_s is None else start_ns + _ns(window.steady_s),
-            "braking_ns": None if window.braking_s is None else start_ns + _ns(window.braking_s),
-            "end_ns": start_ns + _ns(window.end_s),
-        }
-        for trial in range(timeline.trials)
-        for start_ns in (timeline.start_ns + trial * timeline.period_ns,)
-        for number, window in enumerate(windows)
-    ]
-    times = ("start_ns", "drive_ns", "steady_ns", "braking_ns", "end_ns")
-    return pl.DataFrame(rows, infer_schema_length=None).cast(dict.fromkeys(times, pl.Int64))
-
-
-def _after(start_ns: NDArray[np.int64], seconds: float | None) -> pl.Series:
-    if seconds is None:
-        return pl.Series([None] * start_ns.size, dtype=pl.Int64)
-    return pl.Series(start_ns + _ns(seconds))
+    whole = integrate_log(scenario, load_kg, index)
+    return continuous(scenario, whole.trial_s, whole.driven, whole.sample, start_ns)
 
 
 def _ns(seconds: float) -> int:

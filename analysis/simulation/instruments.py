@@ -10,7 +10,9 @@ class SimulatedSensors(BaseModel):
 
     model_config = _FORBID
 
-    rate_hz: float = Field(default=100.0, ge=1, le=10_000, description="of each topic")
+    rate_hz: float = Field(
+        default=100.0, ge=1, le=10_000, description="of each topic without its own"
+    )
     force_noise_N: float = Field(
         default=60.0, ge=0, description="of the total force: (17) over the force share"
     )
@@ -71,6 +73,12 @@ class SimulatedRecorder(BaseModel):
     )
     dropout_share: float = Field(
         default=0.0, ge=0, lt=1, description="share of each topic's messages that are lost, singly"
+    )
+    swapped_share: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="share of each topic's messages that are recorded after the next",
     )
     blackout_every_s: float = Field(
         default=0.0,

@@ -10,7 +10,9 @@ import numpy as np
 from analysis.simulation.arc import arc_phases
 from analysis.simulation.body import RigidBody
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start
+from analysis.simulation.recorder import TOPICS, rate_hz
 from analysis.simulation.scenario import Scenario
+from analysis.simulation.switches import check_switches
 from estimators.errors import ScenarioError
 
 #: No loader is faster: beyond it a scenario is a slip of the pen, and a stop takes forever.
@@ -30,9 +32,10 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
         ScenarioError: the key and its fault.
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
-    if scenario.log.latency_jitter_s * scenario.sensors.rate_hz >= 1:
+    check_switches(scenario)
+    if scenario.log.latency_jitter_s * max(rate_hz(scenario, topic) for topic in TOPICS) >= 1:
         raise ScenarioError(
-            "log.latency_jitter_s: must be shorter than a period of sensors.rate_hz, "
+            "log.latency_jitter_s: must be shorter than the period of every topic, "
             "so that messages are recorded in order"
         )
     if 0 < machine.slip_stiffness_N < full_N:
@@ -40,6 +43,7 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
             "machine.slip_stiffness_N: at full throttle the wheels would slip more than 100 %; "
             f"give more than {full_N:g}, or 0 for none"
         )
+    loads_kg = [*loads_kg, *_changed(scenario, loads_kg)]
     bodies = [RigidBody.loaded(scenario, load_kg) for load_kg in (min(loads_kg), max(loads_kg))]
     for body in bodies:
         square = body.first_moment_x_kg_m**2 + body.first_moment_y_kg_m**2
@@ -54,6 +58,20 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
     for number, manoeuvre in enumerate(trial):
         key = f"campaign.manoeuvres.{number}" if scenario.campaign.manoeuvres else ""
         limits.check(manoeuvre, key)
+
+
+def _changed(scenario: Scenario, loads_kg: Sequence[float]) -> list[float]:
+    """The loads of starts that have another than their log began with."""
+    loading = scenario.loading
+    if not (loading.alternating or loading.change_before_start):
+        return []
+    changed = [load_kg + loading.change_kg for load_kg in loads_kg]
+    if min(changed) < 0.0:
+        raise ScenarioError(
+            f"loading.change_kg: leaves {min(changed):g} kg in the bucket; "
+            "take off no more than campaign.loads_kg"
+        )
+    return changed
 
 
 def _turns(manoeuvre: Manoeuvre) -> bool:

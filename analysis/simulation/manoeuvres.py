@@ -30,6 +30,19 @@ class Start(_Manoeuvre):
     cruise_s: float = Field(
         default=2.0, ge=0.001, le=600, description="throttle reduced to what keeps the speed"
     )
+    coast_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=600,
+        description="throttle shut, brakes open, before the machine brakes",
+    )
+    digging_N: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e6,
+        description="resistance that grows from none before the throttle is reduced, and stays",
+    )
+    digging_s: float = Field(default=1.0, gt=0, le=600, description="how long it grows")
 
 
 class Spin(_Manoeuvre):

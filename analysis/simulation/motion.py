@@ -71,6 +71,18 @@ class Channels(NamedTuple):
     specific_force_x_m_s2: Floats
     specific_force_y_m_s2: Floats
     heading_rad: Floats
+    #: Of the wheels' circumference without slip: the body's, unless the driveline is soft.
+    wheel_speed_x_m_s: Floats
+    #: How fast the force changes, which tyres that slip follow.
+    force_rate_x_N_s: Floats
+    #: Of the ground, uphill where the machine looks at heading 0.
+    slope_rad: Floats
+    #: Of the body over the ground, nose up.
+    squat_rad: Floats
+    #: Of the body, with squat and ground.
+    nose_up_rate_rad_s: Floats
+    #: Of machine and load.
+    mass_kg: Floats
 
 
 @dataclass(frozen=True)
@@ -120,6 +132,12 @@ class SolvedMotion:
             specific_force_x_m_s2=state.acc_x_m_s2 + gravity_x,
             specific_force_y_m_s2=state.yaw_rate_rad_s * state.speed_x_m_s + gravity_y,
             heading_rad=state.heading_rad,
+            wheel_speed_x_m_s=state.speed_x_m_s,
+            force_rate_x_N_s=np.zeros_like(time_s),
+            slope_rad=np.full_like(time_s, self.body.slope_rad),
+            squat_rad=np.zeros_like(time_s),
+            nose_up_rate_rad_s=np.zeros_like(time_s),
+            mass_kg=np.full_like(time_s, self.body.mass_kg),
         )
 
 

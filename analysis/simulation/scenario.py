@@ -5,12 +5,21 @@ it is simulated.
 """
 
 import math
-from typing import Self
+from typing import Self, overload
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from analysis.simulation.brakes import SimulatedBrakes
+from analysis.simulation.chassis import SimulatedChassis
+from analysis.simulation.defects import SimulatedDefects
+from analysis.simulation.drivetrain import SimulatedDrivetrain
 from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
+from analysis.simulation.loading import SimulatedLoading
 from analysis.simulation.manoeuvres import Manoeuvre, Rest, Start
+from analysis.simulation.sampling import SimulatedSampling
+from analysis.simulation.starts import SimulatedStarts
+from analysis.simulation.waveforms import Floats
 
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -53,7 +62,15 @@ class SimulatedMachine(BaseModel):
         default=1.5, ge=-10, le=10, description="where the load sits, ahead of the origin"
     )
     load_y_m: float = Field(default=0.0, ge=-10, le=10, description="and to the left")
-    wheel_radius_m: float = Field(default=0.42, gt=0, le=10, description="wheel radius")
+    wheel_radius_m: float = Field(
+        default=0.42, gt=0, le=10, description="wheel radius, as a machine file gives it"
+    )
+    wheel_radius_excess: float = Field(
+        default=0.0,
+        ge=-0.5,
+        le=0.5,
+        description="part by which the wheels are larger than that: of torque and speed",
+    )
     track_width_m: float = Field(
         default=1.5, gt=0, le=10, description="between the wheels of both sides"
     )
@@ -131,12 +148,38 @@ class SimulatedTerrain(BaseModel):
     model_config = _FORBID
 
     slope_deg: float = Field(default=0.0, ge=-30, le=30, description="positive drives uphill")
+    hills_deg: float = Field(
+        default=0.0, ge=0, le=20, description="hills: slope that comes and goes, as a sine"
+    )
+    hills_length_m: float = Field(default=20.0, ge=1, le=10_000, description="from hill to hill")
+    hills_phase_deg: float = Field(
+        default=0.0, ge=-360, le=360, description="phase of that sine where a log begins"
+    )
     gravity_m_s2: float = Field(default=9.80665, gt=9.7, lt=9.9, description="local gravity")
 
     @property
     def slope_rad(self) -> float:
-        """The slope, and with it the pitch: positive nose-up."""
+        """The slope without hills, and with it the pitch: positive nose-up."""
         return math.radians(self.slope_deg)
+
+    @property
+    def hills_rad_m(self) -> float:
+        """Phase of the hills along the way."""
+        return 2.0 * math.pi / self.hills_length_m
+
+    @overload
+    def slope_at_rad(self, position_m: float) -> float: ...
+    @overload
+    def slope_at_rad(self, position_m: Floats) -> Floats: ...
+    def slope_at_rad(self, position_m: float | Floats) -> float | Floats:
+        """The slope at one or (n,) places, from where a log begins."""
+        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return self.slope_rad + math.radians(self.hills_deg) * np.sin(phase)
+
+    def slope_change_rad_m(self, position_m: Floats) -> Floats:
+        """How much the slope changes along the way, at (n,) places."""
+        phase = self.hills_rad_m * position_m + math.radians(self.hills_phase_deg)
+        return math.radians(self.hills_deg) * self.hills_rad_m * np.cos(phase)
 
 
 class Scenario(BaseModel):
@@ -147,7 +190,14 @@ class Scenario(BaseModel):
     machine: SimulatedMachine = SimulatedMachine()
     campaign: SimulatedCampaign = SimulatedCampaign()
     terrain: SimulatedTerrain = SimulatedTerrain()
+    drivetrain: SimulatedDrivetrain = SimulatedDrivetrain()
+    chassis: SimulatedChassis = SimulatedChassis()
+    brakes: SimulatedBrakes = SimulatedBrakes()
+    starts: SimulatedStarts = SimulatedStarts()
+    loading: SimulatedLoading = SimulatedLoading()
     sensors: SimulatedSensors = SimulatedSensors()
+    sampling: SimulatedSampling = SimulatedSampling()
+    defects: SimulatedDefects = SimulatedDefects()
     log: SimulatedRecorder = SimulatedRecorder()
 
     def seeded(self, seed: int) -> Self:

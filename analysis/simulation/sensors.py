@@ -1,228 +1,252 @@
-"""Measure a motion as the instruments report it: noise, delay, bias, and the recorder's losses.
+"""Measure a motion as the instruments report it: noise, delay, bias, and their defects.
 
 Every channel of every trial draws from its own stream of random numbers, so that one more trial,
 load or channel leaves all others as they were.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.simulation.lag import lagged
 from analysis.simulation.motion import Channels
+from analysis.simulation.recorder import TOPICS, instants_ns, phase_s, rate_hz, recorded
+from analysis.simulation.sampling import TopicName
 from analysis.simulation.scenario import Scenario
+from analysis.simulation.streams import Streams
+from analysis.simulation.timeline import Timeline
 from analysis.simulation.waveforms import Floats
 
-#: A stream's number is its place here: append, never insert.
-_STREAMS: Final = (
-    "torque_left_N_m",
-    "torque_right_N_m",
-    "speed_left_m_s",
-    "speed_right_m_s",
-    "specific_force_x_m_s2",
-    "specific_force_y_m_s2",
-    "specific_force_z_m_s2",
-    "roll_rate_rad_s",
-    "pitch_rate_rad_s",
-    "yaw_rate_rad_s",
-    "pitch_rad",
-    "imu_latency",
-    "torque_latency",
-    "speed_latency",
-    "roll_rad",
-    "torque_left_drift",
-    "torque_right_drift",
-    "imu_dropout",
-    "torque_dropout",
-    "speed_dropout",
-    "blackout",
-)
+_SIDES: Final = (("left", -1.0), ("right", 1.0))
 
 
-@dataclass(frozen=True)
-class Streams:
-    """The random numbers of one log.
-
-    Attributes:
-        seed: of the scenario.
-        load_index: which log of the campaign.
-        trial: (n,) the trial that each sample belongs to, ascending; the rest after them is one.
-    """
-
-    seed: int
-    load_index: int
-    trial: NDArray[np.int64]
-
-    def normal(self, stream: str, std: float) -> Floats:
-        """White noise (n,) of standard deviation `std`."""
-        return std * np.concatenate([g.standard_normal(n) for g, n in self._generators(stream)])
-
-    def drift(self, stream: str, std: float, samples: float) -> Floats:
-        """A stationary first-order Gauss-Markov process (n,): e-folding after `samples`."""
-        if not std:
-            return np.zeros(self.trial.size)
-        from scipy.signal import lfilter
-
-        keeps = math.exp(-1.0 / samples)
-        steps = self.normal(stream, std)
-        steps[1:] *= math.sqrt(1.0 - keeps * keeps)
-        return lfilter([1.0], [1.0, -keeps], steps)
-
-    def uniform(self, stream: str) -> Floats:
-        """Numbers (n,) between 0 and 1."""
-        return np.concatenate([g.random(n) for g, n in self._generators(stream)])
-
-    def _generators(self, stream: str) -> list[tuple[np.random.Generator, int]]:
-        trials, samples = np.unique(self.trial, return_counts=True)
-        number = _STREAMS.index(stream)
-        return [
-            (
-                np.random.default_rng(
-                    np.random.SeedSequence(
-                        self.seed, spawn_key=(self.load_index, int(trial), number)
-                    )
-                ),
-                int(count),
-            )
-            for trial, count in zip(trials, samples, strict=True)
-        ]
-
-
-class _Signal(NamedTuple):
-    """A channel: what it would read without white noise, the noise, and its resolution."""
-
-    value: Floats
-    noise: float
-    lsb: float
-
-
-def measure(
-    scenario: Scenario,
-    streams: Streams,
-    stamp_ns: NDArray[np.int64],
-    channels: Callable[[NDArray[np.int64]], Channels],
-) -> dict[str, pl.DataFrame]:
+def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str, pl.DataFrame]:
     """Report a motion as the instruments would.
 
     Args:
-        scenario: noise, bias, wheels and slope.
-        streams: the random numbers of this log.
-        stamp_ns: (n,) unix time of each measurement.
-        channels: the motion at unix times.
+        scenario: noise, bias, wheels, slope and defects.
+        timeline: the log.
+        load_index: index of the log in the campaign, which random numbers are drawn from.
 
     Returns:
         `imu`, `torque` and `speed`: `header_stamp_ns`, `log_time_ns`, and columns with the names,
-        units and signs of a machine file's channels (pitch positive nose-up). Lost messages have
-        no row.
+        units and signs of a machine file's channels (pitch positive nose-up). Each topic has its
+        own instants. Lost messages have no row; rows are in the order of recording.
     """
-    sensors, log = scenario.sensors, scenario.log
-
-    def before(delay_s: float) -> Channels:
-        return channels(stamp_ns - round(delay_s * 1e9))
-
-    signals = {
-        "imu": _imu(scenario, before(sensors.imu_delay_s)),
-        "torque": _torque(scenario, before(sensors.force_delay_s), streams),
-        "speed": _speed(scenario, before(sensors.speed_delay_s)),
-    }
-    dark = _dark(scenario, streams, stamp_ns)
     frames: dict[str, pl.DataFrame] = {}
-    for topic, columns in signals.items():
-        latency_s = log.latency_s + log.latency_jitter_s * streams.uniform(f"{topic}_latency")
-        recorded = ~dark
-        if log.dropout_share:
-            recorded &= streams.uniform(f"{topic}_dropout") >= log.dropout_share
-        frames[topic] = pl.DataFrame(
-            {
-                "header_stamp_ns": stamp_ns,
-                "log_time_ns": stamp_ns + np.rint(latency_s * 1e9).astype(np.int64),
-                **{name: _read(streams, name, signal) for name, signal in columns.items()},
-            }
-        ).filter(recorded)
+    for topic in TOPICS:
+        phase = phase_s(scenario, topic, load_index)
+        at_ns = instants_ns(timeline, rate_hz(scenario, topic), phase)
+        streams = Streams(scenario.sensors.seed, load_index, timeline.trial(at_ns))
+        readings = _READERS[topic](scenario, timeline, at_ns, streams)
+        if scenario.defects.frozen_topic == topic:
+            held = _frozen(scenario, at_ns - timeline.start_ns)
+            readings = {name: values[held] for name, values in readings.items()}
+        frames[topic] = recorded(scenario, topic, at_ns, streams, timeline, readings)
     return frames
 
 
-def _read(streams: Streams, name: str, signal: _Signal) -> Floats:
-    reading = signal.value + streams.normal(name, signal.noise)
-    return np.rint(reading / signal.lsb) * signal.lsb if signal.lsb else reading
+class _White(NamedTuple):
+    """White noise of a channel, and its resolution."""
+
+    std: float
+    lsb: float
 
 
-def _imu(scenario: Scenario, motion: Channels) -> dict[str, _Signal]:
-    sensors, terrain = scenario.sensors, scenario.terrain
-    x, y = sensors.imu_x_m, sensors.imu_y_m
-    omega, turn = motion.yaw_rate_rad_s, motion.yaw_acc_rad_s2
-    zero = np.zeros_like(omega)
-    # at the IMU's place on the turning machine, in a field of gravity that a slope tilts
-    force_x = motion.specific_force_x_m_s2 - omega * omega * x - turn * y
-    force_y = motion.specific_force_y_m_s2 - omega * omega * y + turn * x
-    force_z = zero + terrain.gravity_m_s2 * np.cos(terrain.slope_rad)
-    uphill = np.sin(terrain.slope_rad)
-    pitch = np.arcsin(uphill * np.cos(motion.heading_rad))
-    # on level ground 0, not -0
-    roll = np.arctan2(0.0 - uphill * np.sin(motion.heading_rad), np.cos(terrain.slope_rad))
-    acc = (sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
-    gyro = (sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
-    bias = sensors.gyro_bias_rad_s
+def _read(value: Floats, streams: Streams, name: str, white: _White) -> Floats:
+    reading = value + streams.normal(name, white.std)
+    return np.rint(reading / white.lsb) * white.lsb if white.lsb else reading
+
+
+def _signals(
+    timeline: Timeline,
+    at_ns: NDArray[np.int64],
+    times_s: tuple[float, float],
+    of: Callable[[Channels, Floats], Mapping[str, Floats]],
+) -> Mapping[str, Floats]:
+    """Signals (n,) of a motion behind their delay and low-pass (`times_s`).
+
+    `of` takes the motion and where in the log it is, from 0 to 1.
+    """
+    delay_s, lag_s = times_s
+    length_ns = timeline.end_ns - timeline.start_ns
+
+    def signals(time_ns: NDArray[np.int64]) -> Mapping[str, Floats]:
+        return of(timeline.sample(time_ns), (time_ns - timeline.start_ns) / length_ns)
+
+    return lagged(signals, at_ns - round(delay_s * 1e9), lag_s)
+
+
+def _imu(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    sensors, defects = scenario.sensors, scenario.defects
+    times_s = (sensors.imu_delay_s, defects.imu_lag_s)
+    made = dict(
+        _signals(timeline, at_ns, times_s, lambda motion, _: _imu_signals(scenario, motion))
+    )
+    if defects.vibration_m_s2:
+        moving = timeline.sample(at_ns).wheel_speed_x_m_s != 0.0
+        seconds = (at_ns - timeline.start_ns) * np.float64(1e-9)
+        made["specific_force_x_m_s2"] = made["specific_force_x_m_s2"] + np.where(
+            moving, _vibration(scenario, seconds, streams), 0.0
+        )
+    acc = _White(sensors.acc_noise_m_s2, sensors.acc_lsb_m_s2)
+    gyro = _White(sensors.gyro_noise_rad_s, sensors.gyro_lsb_rad_s)
+    white = {
+        "pitch_rad": _White(sensors.pitch_noise_rad, sensors.angle_lsb_rad),
+        "roll_rad": _White(sensors.roll_noise_rad, sensors.angle_lsb_rad),
+    }
     return {
-        "specific_force_x_m_s2": _Signal(force_x + sensors.acc_bias_m_s2, *acc),
-        "specific_force_y_m_s2": _Signal(force_y, *acc),
-        "specific_force_z_m_s2": _Signal(force_z, *acc),
-        "roll_rate_rad_s": _Signal(zero + bias, *gyro),
-        "pitch_rate_rad_s": _Signal(zero + bias, *gyro),
-        "yaw_rate_rad_s": _Signal(omega + bias, *gyro),
-        "pitch_rad": _Signal(pitch, sensors.pitch_noise_rad, sensors.angle_lsb_rad),
-        "roll_rad": _Signal(roll, sensors.roll_noise_rad, sensors.angle_lsb_rad),
+        name: _read(value, streams, name, white.get(name, acc if "force" in name else gyro))
+        for name, value in made.items()
     }
 
 
-def _torque(scenario: Scenario, motion: Channels, streams: Streams) -> dict[str, _Signal]:
-    """(17) and (18) backwards; the noise of the sides adds up to that of their sum."""
-    sensors, machine = scenario.sensors, scenario.machine
+def _imu_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
+    sensors, terrain, defects = scenario.sensors, scenario.terrain, scenario.defects
+    x, y = sensors.imu_x_m, sensors.imu_y_m
+    omega, turn = motion.yaw_rate_rad_s, motion.yaw_acc_rad_s2
+    zero = np.zeros_like(omega)
+    slope = motion.slope_rad if terrain.hills_deg else np.float64(terrain.slope_rad)
+    ahead, left = motion.specific_force_x_m_s2, motion.specific_force_y_m_s2
+    force_z = zero + terrain.gravity_m_s2 * np.cos(slope)
+    if defects.acc_without_gravity:
+        ahead, left, force_z = motion.acc_x_m_s2, omega * motion.speed_x_m_s, zero
+    # at the IMU's place on the turning machine, in a field of gravity that a slope tilts
+    force_x = ahead - omega * omega * x - turn * y
+    force_y = left - omega * omega * y + turn * x
+    nose_up = motion.squat_rad + defects.acc_tilt_rad
+    if nose_up.any():
+        sine, cosine = np.sin(nose_up), np.cos(nose_up)
+        force_x, force_z = force_x * cosine + force_z * sine, force_z * cosine - force_x * sine
+    uphill = np.sin(slope)
+    pitch = np.arcsin(uphill * np.cos(motion.heading_rad)) + motion.squat_rad
+    # on level ground 0, not -0
+    roll = np.arctan2(0.0 - uphill * np.sin(motion.heading_rad), np.cos(slope))
+    bias = sensors.gyro_bias_rad_s
+    return {
+        "specific_force_x_m_s2": force_x + sensors.acc_bias_m_s2,
+        "specific_force_y_m_s2": force_y,
+        "specific_force_z_m_s2": force_z,
+        "roll_rate_rad_s": zero + bias,
+        # the y axis points left, so that nose up is a negative rotation
+        "pitch_rate_rad_s": zero - motion.nose_up_rate_rad_s + bias,
+        "yaw_rate_rad_s": omega + bias,
+        "pitch_rad": pitch,
+        "roll_rad": roll,
+    }
+
+
+def _vibration(scenario: Scenario, seconds: Floats, streams: Streams) -> Floats:
+    """Narrow-band noise (n,): a carrier whose two amplitudes are Gauss-Markov processes."""
+    defects = scenario.defects
+    samples = rate_hz(scenario, "imu") / (math.pi * defects.vibration_bandwidth_hz)
+    turn = 2.0 * math.pi * defects.vibration_hz * seconds
+    in_phase, in_quadrature = (
+        streams.drift(f"vibration_{name}", defects.vibration_m_s2, samples)
+        for name in ("in_phase", "in_quadrature")
+    )
+    return in_phase * np.cos(turn) + in_quadrature * np.sin(turn)
+
+
+def _torque(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    """The torques; the noise of the sides adds up to that of their sum."""
+    sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
     lever_m = machine.force_share * machine.wheel_radius_m
-    force = motion.measured_force_x_N * lever_m / 2
-    turning = motion.measured_torque_z_N_m * lever_m / machine.track_width_m
-    signals: dict[str, _Signal] = {}
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        torque = sensors.force_gain * (force + sign * turning) + sensors.force_bias_N * lever_m / 2
+    times_s = (sensors.force_delay_s, defects.force_lag_s)
+    signals = _signals(
+        timeline, at_ns, times_s, lambda motion, part: _torque_signals(scenario, motion, part)
+    )
+    noise = sensors.force_noise_N * lever_m / math.sqrt(2)
+    most_N_m = defects.force_clip_N * lever_m / 2
+    readings: dict[str, Floats] = {}
+    for side, _ in _SIDES:
+        name = f"torque_{side}_N_m"
         drift = streams.drift(
             f"torque_{side}_drift",
             sensors.force_drift_N * lever_m / math.sqrt(2),
-            sensors.force_drift_s * sensors.rate_hz,
+            sensors.force_drift_s * rate_hz(scenario, "torque"),
         )
-        noise = sensors.force_noise_N * lever_m / math.sqrt(2)
-        signals[f"torque_{side}_N_m"] = _Signal(torque + drift, noise, sensors.torque_lsb_N_m)
-    return signals
+        reading = _read(signals[name] + drift, streams, name, _White(noise, sensors.torque_lsb_N_m))
+        readings[name] = np.clip(reading, -most_N_m, most_N_m) if most_N_m else reading
+    readings["torque_left_N_m"] = readings["torque_left_N_m"] * defects.left_torque_gain
+    return _sides(scenario, "torque_{}_N_m", readings)
 
 
-def _speed(scenario: Scenario, motion: Channels) -> dict[str, _Signal]:
+def _torque_signals(scenario: Scenario, motion: Channels, part: Floats) -> dict[str, Floats]:
+    """(17) and (18) backwards, from the share that these wheels carry and their true radius."""
+    sensors, machine, defects = scenario.sensors, scenario.machine, scenario.defects
+    lever_m = machine.force_share * machine.wheel_radius_m
+    force = motion.measured_force_x_N * lever_m / 2
+    turning = motion.measured_torque_z_N_m * lever_m / machine.track_width_m
+    load_kg = motion.mass_kg - machine.mass_kg
+    lever = (1.0 + machine.wheel_radius_excess) * (1.0 + defects.force_share_1_kg * load_kg)
+    lever = lever * (1.0 - defects.force_share_s2_m * motion.acc_x_m_s2)
+    gain = sensors.force_gain * (1.0 + defects.force_gain_drift * part) * lever
+    return {
+        f"torque_{side}_N_m": gain * (force + sign * turning) + sensors.force_bias_N * lever_m / 2
+        for side, sign in _SIDES
+    }
+
+
+def _speed(
+    scenario: Scenario, timeline: Timeline, at_ns: NDArray[np.int64], streams: Streams
+) -> dict[str, Floats]:
+    sensors = scenario.sensors
+    times_s = (sensors.speed_delay_s, scenario.defects.speed_lag_s)
+    signals = _signals(timeline, at_ns, times_s, lambda motion, _: _speed_signals(scenario, motion))
+    # the mean of both sides has the scenario's noise
+    white = _White(sensors.speed_noise_m_s * math.sqrt(2), sensors.speed_lsb_m_s)
+    readings = {name: _read(value, streams, name, white) for name, value in signals.items()}
+    return _sides(scenario, "speed_{}_m_s", readings)
+
+
+def _speed_signals(scenario: Scenario, motion: Channels) -> dict[str, Floats]:
     """Each side's ground speed, and on it the slip that its force takes.
 
     Slip κ = (v_wheel - v) / |v| = F / C with the longitudinal slip stiffness C: the linear range of
-    a tyre (Pacejka, Tire and Vehicle Dynamics, chapter 1).
+    a tyre (Pacejka, Tire and Vehicle Dynamics, chapter 1). With the relaxation length σ the slip
+    follows: C κ |v| = |v| F + σ dF/dt (chapter 7).
     """
-    sensors, machine = scenario.sensors, scenario.machine
-    # the mean of both sides has the scenario's noise
-    noise = sensors.speed_noise_m_s * math.sqrt(2)
-    signals: dict[str, _Signal] = {}
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        speed = motion.speed_x_m_s + sign * motion.yaw_rate_rad_s * machine.track_width_m / 2
+    machine = scenario.machine
+    relaxing = scenario.drivetrain.relaxation_length_m
+    signals: dict[str, Floats] = {}
+    for side, sign in _SIDES:
+        speed = motion.wheel_speed_x_m_s + sign * motion.yaw_rate_rad_s * machine.track_width_m / 2
         if machine.slip_stiffness_N:
             force = motion.force_x_N / 2 + sign * motion.torque_z_N_m / machine.track_width_m
             speed = speed + np.abs(speed) * force / (machine.slip_stiffness_N / 2)
-        signals[f"speed_{side}_m_s"] = _Signal(speed, noise, sensors.speed_lsb_m_s)
+            if relaxing:
+                speed = speed + relaxing * motion.force_rate_x_N_s / machine.slip_stiffness_N
+        # a machine file's radius makes of the wheels' rate another speed
+        signals[f"speed_{side}_m_s"] = speed / (1.0 + machine.wheel_radius_excess)
     return signals
 
 
-def _dark(scenario: Scenario, streams: Streams, stamp_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Where nothing is recorded (n,): stretches that begin at any sample with one probability."""
-    log = scenario.log
-    if not log.blackout_every_s:
-        return np.zeros(stamp_ns.shape, np.bool_)
-    period_s = 1.0 / scenario.sensors.rate_hz
-    begins = streams.uniform("blackout") < -math.expm1(-period_s / log.blackout_every_s)
-    since = np.where(begins, stamp_ns, np.int64(-(2**62)))
-    return stamp_ns - np.maximum.accumulate(since) < round(log.blackout_s * 1e9)
+def _sides(scenario: Scenario, name: str, readings: dict[str, Floats]) -> dict[str, Floats]:
+    left, right = name.format("left"), name.format("right")
+    if scenario.defects.sides_swapped:
+        return {left: readings[right], right: readings[left]}
+    return readings
+
+
+def _frozen(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Index (n,) of the sample whose values each message repeats: its own, unless it is frozen."""
+    defects = scenario.defects
+    every_ns = round(defects.frozen_every_s * 1e9)
+    number = since_ns // every_ns
+    begins_ns = number * every_ns
+    stuck = (number > 0) & (since_ns - begins_ns < round(defects.frozen_s * 1e9))
+    before = np.searchsorted(since_ns, begins_ns) - 1
+    return np.where(stuck, before, np.arange(since_ns.size))
+
+
+_Reader = Callable[[Scenario, Timeline, NDArray[np.int64], Streams], dict[str, Floats]]
+_READERS: Final[Mapping[TopicName, _Reader]] = {"imu": _imu, "torque": _torque, "speed": _speed}

@@ -14,7 +14,9 @@ from analysis.simulation.limits import check_limits
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Rest, Spin, Start
 from analysis.simulation.motion import ManoeuvreTimes, MotionPhase, MotionState, SolvedMotion
 from analysis.simulation.scenario import Scenario
+from analysis.simulation.switches import integrated_for
 from analysis.simulation.waveforms import Floats, ForceWave, TorqueWave
+from estimators.errors import ScenarioError
 
 _STILL = Pair(0.0, 0.0)
 
@@ -35,6 +37,9 @@ def solve_motion(scenario: Scenario, load_kg: float) -> SolvedMotion:
         ScenarioError: the machine cannot be driven as asked.
     """
     check_limits(scenario, [load_kg])
+    asked = integrated_for(scenario)
+    if asked is not None:
+        raise ScenarioError(f"{asked}: needs a whole log; use simulate_campaign")
     trial = _Trial(scenario, RigidBody.loaded(scenario, load_kg))
     phases = [trial.standing(-math.inf, 0.0, heading_rad=0.0)]
     windows: list[ManoeuvreTimes] = []

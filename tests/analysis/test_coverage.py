@@ -47,15 +47,16 @@ def excitation_of_starts(seed, starts, machine):
     torque, speed, imu = (log.topics[name] for name in ("torque", "speed", "imu"))
     measured = pl.sum_horizontal(torque["torque_left_N_m"], torque["torque_right_N_m"])
     lever_m = scenario.machine.force_share * scenario.machine.wheel_radius_m
-    columns = {
-        "force_x_N": torque.select(measured)["torque_left_N_m"].to_numpy() / lever_m
-        + coloured(torque.height, seed),
-        "speed_x_m_s": ((speed["speed_left_m_s"] + speed["speed_right_m_s"]) / 2.0).to_numpy(),
-        "specific_force_x_m_s2": imu["specific_force_x_m_s2"].to_numpy(),
-    }
-    stamps = imu["header_stamp_ns"]
+    force = torque.select(measured)["torque_left_N_m"].to_numpy() / lever_m + coloured(
+        torque.height, seed
+    )
+    stamp = pl.col("header_stamp_ns").alias("unix_ns")
     channels = {
-        name: pl.DataFrame({"unix_ns": stamps, name: values}) for name, values in columns.items()
+        "force_x_N": torque.select(stamp, force_x_N=pl.Series(force)),
+        "speed_x_m_s": speed.select(
+            stamp, speed_x_m_s=pl.mean_horizontal("speed_left_m_s", "speed_right_m_s")
+        ),
+        "specific_force_x_m_s2": imu.select(stamp, "specific_force_x_m_s2"),
     }
     return forces(smooth(align(channels, machine)[0], machine.settings.smooth), machine)
 

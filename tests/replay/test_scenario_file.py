@@ -45,7 +45,7 @@ def test_an_empty_file_is_the_papers_campaign(tmp_path):
     [
         ("[machin]\nmass_kg = 1", "unknown key 'machin'; did you mean 'machine'?"),
         ("[machine]\nmas_kg = 1", "unknown key 'machine.mas_kg'; did you mean 'mass_kg'?"),
-        ("[terrain]\nzzz = 1", "unknown key 'terrain.zzz'; known: gravity_m_s2, slope_deg"),
+        ("[terrain]\nzzz = 1", "unknown key 'terrain.zzz'; known: gravity_m_s2, hills_deg"),
         (
             "[campaign]\nruns = 0",
             "campaign.runs: input should be greater than or equal to 1, not 0",

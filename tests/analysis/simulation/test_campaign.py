@@ -16,8 +16,12 @@ QUIET = {
     "pitch_noise_rad": 0.0,
 }
 
+#: All topics at the same instants, so that their rows belong together.
+TOGETHER = {"imu_phase_s": 0.0, "torque_phase_s": 0.0, "speed_phase_s": 0.0}
+
 
 def logs(**sections):
+    sections = {"sampling": TOGETHER, **sections}
     return list(simulate_campaign(Scenario.model_validate(sections)))
 
 

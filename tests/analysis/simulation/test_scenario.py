@@ -49,6 +49,19 @@ def test_a_value_that_no_scenario_may_have_is_refused_when_it_is_made(sections, 
         ({"terrain": {"slope_deg": -12.0}}, "does not stop the machine on this slope"),
         ({"campaign": {"throttle_force_N": 1e6}}, "beyond 50 m/s"),
         ({"log": {"latency_jitter_s": 0.02}}, "recorded in order"),
+        (
+            {"log": {"latency_jitter_s": 0.005}, "sampling": {"imu_rate_hz": 400}},
+            "shorter than the period of every topic",
+        ),
+        ({"drivetrain": {"relaxation_length_m": 0.4}}, "give machine.slip_stiffness_N"),
+        (
+            {"starts": {"turn_rad_s": 0.04}, "terrain": {"slope_deg": 1.0}},
+            "starts.turn_rad_s: starts turn on level ground alone",
+        ),
+        (
+            {"loading": {"change_kg": -50.0, "alternating": True}},
+            "loading.change_kg: leaves -50 kg in the bucket",
+        ),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_with_the_reason(sections, what):
@@ -99,6 +112,49 @@ def test_a_manoeuvre_that_cannot_be_driven_is_refused_with_its_number_and_the_re
 ):
     with pytest.raises(ScenarioError, match=what):
         simulate_campaign(Scenario.model_validate(sections))
+
+
+@pytest.mark.parametrize(
+    "manoeuvre",
+    [
+        {"kind": "spin"},
+        {"kind": "arc", "speed_m_s": 0.5, "yaw_rate_rad_s": 0.1},
+        {"kind": "excite", "torque": {"highest_N_m": 100.0}},
+    ],
+)
+@pytest.mark.parametrize(
+    ("section", "key", "value"),
+    [
+        ("drivetrain", "power_limit_W", 5000.0),
+        ("chassis", "squat_deg_s2_m", 0.5),
+        ("brakes", "drag_N", 100.0),
+        ("starts", "coulomb_std_N", 50.0),
+        ("loading", "fill_kg_s", 10.0),
+        ("terrain", "hills_deg", 1.0),
+    ],
+)
+def test_what_turns_is_refused_where_only_straight_motion_is_simulated_and_says_for_which_key(
+    manoeuvre, section, key, value
+):
+    made = Scenario.model_validate(
+        {
+            "campaign": {"manoeuvres": [{"kind": "rest"}, manoeuvre]},
+            section: {key: value},
+        }
+    )
+    with pytest.raises(ScenarioError, match=rf"manoeuvres.1: .* with {section}\.{key};"):
+        simulate_campaign(made)
+
+
+def test_one_trial_is_solved_only_where_all_are_alike():
+    made = Scenario.model_validate({"drivetrain": {"rotating_kg": 100.0}})
+    with pytest.raises(ScenarioError, match=r"drivetrain\.rotating_kg: needs a whole log"):
+        solve_motion(made, 0.0)
+
+
+def test_a_least_throttle_above_the_most_is_refused_when_it_is_made():
+    with pytest.raises(ValidationError, match="is above 'throttle_most'"):
+        Scenario.model_validate({"starts": {"throttle_least": 0.9, "throttle_most": 0.5}})
 
 
 def test_a_scenario_made_in_python_is_refused_like_one_from_a_file():

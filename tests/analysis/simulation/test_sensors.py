@@ -19,6 +19,8 @@ QUIET = {
     "gyro_noise_rad_s": 0.0,
     "pitch_noise_rad": 0.0,
 }
+#: All topics at the same instants, so that their rows belong together.
+TOGETHER = {"imu_phase_s": 0.0, "torque_phase_s": 0.0, "speed_phase_s": 0.0}
 WHEELS = MachineBody(name="as simulated", wheel_radius_m=0.42, track_width_m=1.5, force_share=0.5)
 PLANAR = (
     {"kind": "start"},
@@ -35,6 +37,7 @@ def log(sensors=QUIET, manoeuvres=PLANAR, **sections):
         "runs": 1,
         **sections.pop("campaign", {}),
     }
+    sections = {"sampling": TOGETHER, **sections}
     made = Scenario.model_validate({"sensors": sensors, "campaign": campaign, **sections})
     return next(simulate_campaign(made))
 

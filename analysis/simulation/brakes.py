@@ -1,0 +1,20 @@
+"""Brakes that drag, and that release slowly at a start; no sensor sees either."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class SimulatedBrakes(BaseModel):
+    """Friction of the brakes that the torque sensors do not see."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    drag_N: float = Field(default=0.0, ge=0, le=1e6, description="drag throughout")
+    release_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=60,
+        description="time constant with which they let go from a start's beginning; 0: at once",
+    )
+    release_N: float = Field(
+        default=5000.0, ge=0, le=1e6, description="drag with which such a release begins"
+    )

@@ -1,0 +1,333 @@
+"""The machine on a straight line, integrated in fixed steps: Runge-Kutta of the fourth order.
+
+Wheels and body are two masses with a torsional spring between them, one where the driveline is
+rigid; motor and brakes follow their commands with a first-order lag; the body pitches. The x row of
+`body` with what a drivetrain adds to it:
+
+    F η = (m_w + m_r) dv_w/dt + m_w g_x + b v_w + F_c sign(v_w) + S,   S = m_b (dv_b/dt + g_x)
+
+Friction grips: where the wheels stand they are held until more pulls than it can hold. Where they
+come to rest within a step, the step is shortened to end there.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.simulation.waveforms import Floats
+from estimators.compiled import compiled, inlined
+
+#: The state: position, speed of wheels and body, stretch between them, forces, pitch.
+POSITION, WHEEL, BODY, STRETCH, DRIVE, BRAKE, PITCH, PITCH_RATE = range(8)
+STATES: Final = 8
+#: Beside the derivatives of the state: forces and mass of the instant, and the ground's slope.
+_PULL, _CAPACITY, _FORCE, _GROUND, _BRAKED, _MASS, _YAW_RATE = range(8, 15)
+_OUT: Final = 15
+#: Columns of what is kept: time, the state, and so on.
+TIME, ACCELERATION, FORCE, GROUND, BRAKED, MASS, YAW_RATE, STANDS = (0, *range(9, 16))
+COLUMNS: Final = 16
+#: Less friction, in N, is lost in rounding before it holds anything.
+_LEAST_GRIP: Final = 1e-6
+#: Above this speed, in m/s, a start that turns has reached its yaw rate.
+_TURNS_AT: Final = 0.1
+_HALVINGS: Final = 60
+
+
+class Plant(NamedTuple):
+    """The machine and its ground, the same in a whole log."""
+
+    friction_N_s_m: float
+    lag_s: float
+    power_W: float
+    no_load_m_s: float
+    efficiency: float
+    rotating_kg: float
+    wheel_share: float
+    resonance_rad_s: float
+    damping: float
+    squat_s2_m: float
+    squat_rad_s: float
+    squat_damping: float
+    boom_N: float
+    boom_rad_s: float
+    gravity_m_s2: float
+    slope_rad: float
+    hills_rad: float
+    hills_rad_m: float
+    hills_phase_rad: float
+    drag_N: float
+
+
+class DriveStage(NamedTuple):
+    """One stage of a manoeuvre: its commands and resistances; times are since the log began."""
+
+    begin_s: float
+    mass_kg: float
+    drive_N: float = 0.0
+    brake_N: float = 0.0
+    #: 1: the brakes hold the machine, whatever pulls.
+    holds: float = 0.0
+    #: Direction in which a machine that stands may start; the brakes take what pulls the other way.
+    one_way: float = 0.0
+    fill_kg_s: float = 0.0
+    coulomb_N: float = 0.0
+    release_N: float = 0.0
+    release_from_s: float = 0.0
+    release_s: float = 0.0
+    digging_N: float = 0.0
+    digging_from_s: float = 0.0
+    digging_s: float = 1.0
+    stick_share: float = 0.0
+    stick_rad_s: float = 0.0
+    turn_rad_s: float = 0.0
+    scrub_N_s_rad: float = 0.0
+
+
+@inlined
+def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
+    """The force of the motor: what is asked for, within its limits while it drives."""
+    force_N = asked_N
+    if force_N * speed_m_s > 0.0:
+        fast = abs(speed_m_s)
+        if plant.no_load_m_s > 0.0:
+            force_N *= max(0.0, 1.0 - fast / plant.no_load_m_s)
+        if plant.power_W > 0.0 and abs(force_N) * fast > plant.power_W:
+            force_N = math.copysign(plant.power_W / fast, force_N)
+    return force_N
+
+
+@inlined
+def _friction(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
+    """What friction can hold, and slides with, at a time and a yaw rate."""
+    capacity = stage.coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
+    if stage.release_s > 0.0:
+        since_s = t - stage.release_from_s
+        capacity += stage.release_N * math.exp(-since_s / stage.release_s)
+    if stage.digging_N > 0.0:
+        grown = (t - stage.digging_from_s) / stage.digging_s
+        capacity += stage.digging_N * min(1.0, max(0.0, grown))
+    return capacity
+
+
+@inlined
+def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
+    """The commanded drive force."""
+    since_s = t - stage.begin_s
+    if wave.size:
+        place = since_s / wave_step_s
+        first = min(max(int(place), 0), wave.size - 2)
+        return wave[first] + (wave[first + 1] - wave[first]) * (place - first)
+    if stage.stick_share > 0.0:
+        back = 0.5 - 0.5 * math.cos(stage.stick_rad_s * since_s)
+        return stage.drive_N * (1.0 - stage.stick_share * back)
+    return stage.drive_N
+
+
+@inlined
+def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
+    t: float,
+    y: Floats,
+    grip: float,
+    waits: float,
+    plant: Plant,
+    stage: DriveStage,
+    wave: Floats,
+    wave_step_s: float,
+    out: Floats,
+) -> None:
+    """Fill `out` with the derivatives of the state, and with the forces of the instant."""
+    wheel, body = y[WHEEL], y[BODY]
+    mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
+    slope = plant.slope_rad + plant.hills_rad * math.sin(
+        plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
+    )
+    gravity = plant.gravity_m_s2 * math.sin(slope)
+    boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
+    force = _motor(y[DRIVE], wheel, plant)
+    ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
+    turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
+    capacity = _friction(t, turn, plant, stage)
+    # material that stood takes up the body's speed
+    filling = stage.fill_kg_s * body
+    soft = plant.resonance_rad_s > 0.0
+    share = plant.wheel_share if soft else 1.0
+    wheel_kg = share * mass + plant.rotating_kg
+    body_kg = (1.0 - share) * mass
+    pull = ground - plant.friction_N_s_m * wheel - share * mass * gravity
+    spring = 0.0
+    if soft:
+        reduced = wheel_kg * body_kg / (wheel_kg + body_kg)
+        spring = (
+            plant.resonance_rad_s
+            * reduced
+            * (plant.resonance_rad_s * y[STRETCH] + 2.0 * plant.damping * (wheel - body))
+        )
+        pull -= spring
+    else:
+        pull += boom - filling
+    brake = y[BRAKE]
+    if stage.holds > 0.0:
+        brake = pull
+    elif waits != 0.0:
+        brake = waits * min(waits * pull, 0.0)
+    pull -= brake
+    wheel_acc = (pull - grip * capacity) / wheel_kg if grip != 0.0 else 0.0
+    body_acc = wheel_acc
+    if soft:
+        body_acc = (spring + boom - filling) / body_kg - gravity
+    out[POSITION] = wheel
+    out[WHEEL] = wheel_acc
+    out[BODY] = body_acc
+    out[STRETCH] = wheel - body if soft else 0.0
+    out[DRIVE] = (_asked(t, stage, wave, wave_step_s) - y[DRIVE]) / plant.lag_s
+    out[BRAKE] = (stage.brake_N - y[BRAKE]) / plant.lag_s
+    out[PITCH] = y[PITCH_RATE]
+    out[PITCH_RATE] = plant.squat_rad_s * (
+        plant.squat_rad_s * (plant.squat_s2_m * body_acc - y[PITCH])
+        - 2.0 * plant.squat_damping * y[PITCH_RATE]
+    )
+    out[_PULL] = pull
+    out[_CAPACITY] = capacity
+    out[_FORCE] = force
+    out[_GROUND] = ground
+    out[_BRAKED] = brake
+    out[_MASS] = mass
+    out[_YAW_RATE] = turn
+
+
+@inlined
+def _keep(row: Floats, t: float, y: Floats, out: Floats, stands: float) -> None:
+    row[TIME] = t
+    for i in range(STATES):
+        row[1 + i] = y[i]
+    row[ACCELERATION] = out[BODY]
+    row[FORCE] = out[_FORCE]
+    row[GROUND] = out[_GROUND]
+    row[BRAKED] = out[_BRAKED]
+    row[MASS] = out[_MASS]
+    row[YAW_RATE] = out[_YAW_RATE]
+    row[STANDS] = stands
+
+
+@compiled
+def _step(  # noqa: PLR0913 - compiled, as above
+    t: float,
+    dt: float,
+    y: Floats,
+    grip: float,
+    waits: float,
+    plant: Plant,
+    stage: DriveStage,
+    wave: Floats,
+    wave_step_s: float,
+    k: Floats,
+    made: Floats,
+) -> None:
+    """One step of Runge-Kutta from `y` to `made`; `k` (4, _OUT) begins with the rates at `t`."""
+    for i in range(STATES):
+        made[i] = y[i] + 0.5 * dt * k[0, i]
+    _rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[1])
+    for i in range(STATES):
+        made[i] = y[i] + 0.5 * dt * k[1, i]
+    _rates(t + 0.5 * dt, made, grip, waits, plant, stage, wave, wave_step_s, k[2])
+    for i in range(STATES):
+        made[i] = y[i] + dt * k[2, i]
+    _rates(t + dt, made, grip, waits, plant, stage, wave, wave_step_s, k[3])
+    for i in range(STATES):
+        made[i] = y[i] + dt / 6.0 * (k[0, i] + 2.0 * (k[1, i] + k[2, i]) + k[3, i])
+
+
+@compiled
+def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a step
+    end_s: float,
+    steps: int,
+    stops: bool,
+    y: Floats,
+    plant: Plant,
+    stage: DriveStage,
+    wave: Floats,
+    wave_step_s: float,
+    rows: Floats,
+) -> tuple[float, int, bool]:
+    """Move through a stage, at most until `end_s`.
+
+    Args:
+        end_s: when the stage ends at the latest, since the log began.
+        steps: so many steps until then.
+        stops: whether it ends where the wheels first stand.
+        y: (8,) the state, which is changed.
+        plant: the machine.
+        stage: the commands.
+        wave: (m,) the commanded drive force every `wave_step_s`; of size 0: the stage's own.
+        wave_step_s: likewise.
+        rows: (2 steps + 4, 16) filled with what is kept of each instant.
+
+    Returns:
+        When the stage ended, the number of rows, and whether the wheels ever moved.
+    """
+    k = np.zeros((4, _OUT))
+    made = np.zeros(STATES)
+    t = stage.begin_s
+    step = (end_s - t) / steps
+    grip = float(np.sign(y[WHEEL]))
+    waits = stage.one_way if grip == 0.0 else 0.0
+    moved = grip != 0.0
+    kept, number, blocked = 0, 0, False
+    while number < steps and kept + 2 < rows.shape[0]:
+        _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+        if grip == 0.0 and stage.holds == 0.0 and not blocked:
+            pull = k[0, _PULL]
+            if abs(pull) > max(k[0, _CAPACITY], _LEAST_GRIP):
+                grip = math.copysign(1.0, pull)
+                if waits != 0.0:
+                    y[BRAKE] = 0.0
+                waits = 0.0
+                moved = True
+                _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+        stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
+        _keep(rows[kept], t, y, k[0], stands)
+        kept += 1
+        dt = stage.begin_s + (number + 1) * step - t
+        _step(t, dt, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+        crosses = grip != 0.0 and made[WHEEL] * grip < 0.0
+        if crosses and not stops and k[0, _CAPACITY] <= _LEAST_GRIP:
+            grip = -grip
+            crosses = False
+        blocked = False
+        if crosses:
+            least, most = 0.0, dt
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (least + most)
+                _step(t, middle, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+                if made[WHEEL] * grip < 0.0:
+                    most = middle
+                else:
+                    least = middle
+            _step(t, least, y, grip, waits, plant, stage, wave, wave_step_s, k, made)
+            if plant.resonance_rad_s == 0.0:
+                made[BODY] = 0.0
+            made[WHEEL] = 0.0
+            t += least
+            # no progress: friction holds for the rest of this step
+            blocked = least <= 1e-9 * step
+            y[:] = made
+            _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+            _keep(rows[kept], t, y, k[0], 0.0)
+            kept += 1
+            if stops:
+                return t, kept, moved
+            grip = 0.0
+        else:
+            number += 1
+            t = stage.begin_s + number * step
+            y[:] = made
+    _rates(t, y, grip, waits, plant, stage, wave, wave_step_s, k[0])
+    stands = 1.0 if grip == 0.0 and (waits != 0.0 or stage.holds > 0.0) else 0.0
+    _keep(rows[kept], t, y, k[0], stands)
+    return t, kept + 1, moved
+
+
+def still() -> Floats:
+    """The state (8,) of a machine that stands."""
+    return np.zeros(STATES)

@@ -1,0 +1,68 @@
+"""When each topic is sampled, and what its clock makes of it."""
+
+from typing import Literal, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field
+
+TopicName: TypeAlias = Literal["imu", "torque", "speed"]
+
+
+class SimulatedSampling(BaseModel):
+    """Rate, phase and clock of each topic; stamps count from the beginning of a log."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    imu_rate_hz: float = Field(default=0.0, ge=0, le=10_000, description="0: sensors.rate_hz")
+    torque_rate_hz: float = Field(default=0.0, ge=0, le=10_000, description="likewise")
+    speed_rate_hz: float = Field(default=0.0, ge=0, le=10_000, description="likewise")
+    imu_phase_s: float = Field(
+        default=-1.0,
+        ge=-1,
+        le=1,
+        description="first sample after the log's beginning; negative: anywhere in a period, drawn "
+        "from the seed",
+    )
+    torque_phase_s: float = Field(default=-1.0, ge=-1, le=1, description="likewise")
+    speed_phase_s: float = Field(default=-1.0, ge=-1, le=1, description="likewise")
+    imu_clock_ppm: float = Field(
+        default=0.0,
+        ge=-50_000,
+        le=50_000,
+        description="how much faster than time the clock of the header stamps runs; right at the "
+        "log's beginning",
+    )
+    torque_clock_ppm: float = Field(default=0.0, ge=-50_000, le=50_000, description="likewise")
+    speed_clock_ppm: float = Field(default=0.0, ge=-50_000, le=50_000, description="likewise")
+    stamp_jitter_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="most that a header stamp is off to either side, uniform, of every topic",
+    )
+
+    def rate_hz(self, topic: TopicName, common_hz: float) -> float:
+        """The rate of a topic, where `common_hz` is that of topics without their own."""
+        rates = {
+            "imu": self.imu_rate_hz,
+            "torque": self.torque_rate_hz,
+            "speed": self.speed_rate_hz,
+        }
+        return rates[topic] or common_hz
+
+    def phase_s(self, topic: TopicName) -> float:
+        """The phase of a topic; negative: it is drawn."""
+        phases = {
+            "imu": self.imu_phase_s,
+            "torque": self.torque_phase_s,
+            "speed": self.speed_phase_s,
+        }
+        return phases[topic]
+
+    def clock_ppm(self, topic: TopicName) -> float:
+        """How much faster than time a topic's clock runs."""
+        clocks = {
+            "imu": self.imu_clock_ppm,
+            "torque": self.torque_clock_ppm,
+            "speed": self.speed_clock_ppm,
+        }
+        return clocks[topic]
