@@ -4,6 +4,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.column_noise import axis_noise
 from analysis.gate_rules import UNKNOWN, Codes, decide, is_braking, row_flags
 from analysis.phases import beside_speed_rate, span_rows, yaw_pace
 from analysis.regressor import Axis, X, axes, regressor
@@ -19,7 +20,9 @@ Bools = NDArray[np.bool_]
 _STANDARD_GRAVITY_M_S2 = 9.80665
 
 
-def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
+def gate(
+    excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
+) -> pl.DataFrame:
     """Judge the window of exactly `window_samples` rows that ends at each row, axis by axis.
 
     A window is refused when it contains a missing sample, another motion than its axis is about (a
@@ -30,18 +33,19 @@ def gate(excitation: pl.DataFrame, settings: Settings) -> pl.DataFrame:
     Args:
         excitation: the regressors and the phases.
         settings: window, threshold, what is refused.
+        noise: of the columns; without it, nothing is refused for noise but by the settings'.
 
     Returns:
         `gate`, a row a row of `excitation`; columns of the z axis where the channels allow it.
     """
     columns: dict[str, Floats | pl.Series] = {"t_ns": excitation["t_ns"]}
     for axis in axes(excitation):
-        columns |= _judged(axis, excitation, settings)
+        columns |= _judged(axis, excitation, settings, noise)
     return build("gate", columns)
 
 
 def _judged(
-    axis: Axis, excitation: pl.DataFrame, settings: Settings
+    axis: Axis, excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None
 ) -> dict[str, Floats | pl.Series]:
     """The columns of one axis."""
     window, letter = settings.gate.window_samples, axis.letter
@@ -54,7 +58,8 @@ def _judged(
     complete[: window - 1] = False
     rows = np.flatnonzero(complete).astype(np.int64)
     seen = ls.WindowStatistics(*(np.full(n, np.nan) for _ in ls.WindowStatistics._fields))
-    for whole, part in zip(seen, ls.window_statistics(A, f, window, rows), strict=True):
+    known = axis_noise(axis, settings, noise).mean
+    for whole, part in zip(seen, ls.window_statistics(A, f, window, rows, known), strict=True):
         whole[rows] = part
 
     first = int(np.argmin(missing)) if n and not missing.all() else n
@@ -81,6 +86,7 @@ def _judged(
         f"corr_{letter}_1": decided.corr,
         f"mi_{letter}_nat": decided.mi_nat,
         f"predicted_std_{letter}": decided.predicted_std,
+        f"noise_share_{letter}_1": decided.noise_share,
     }
     if decided.ksg_nat is not None:
         columns[f"ksg_{letter}_nat"] = decided.ksg_nat

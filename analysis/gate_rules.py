@@ -46,6 +46,7 @@ class Decision(NamedTuple):
         corr: correlation of acceleration and force.
         mi_nat: the index (11).
         predicted_std: of the mass, or of the inertia.
+        noise_share: share of noise in what the acceleration alone explains.
         ksg_nat: mutual information by nearest neighbours; None unless it decides.
         reasons: the reasons that there are, in the order of precedence.
         chosen: the place in `reasons` of each window's.
@@ -54,6 +55,7 @@ class Decision(NamedTuple):
     corr: Floats
     mi_nat: Floats
     predicted_std: Floats
+    noise_share: Floats
     ksg_nat: Floats | None
     reasons: tuple[str, ...]
     chosen: Codes
@@ -121,7 +123,7 @@ def decide(
         nearest: computes the mutual information of some windows by nearest neighbours, in nat.
         settings: the index and its threshold.
     """
-    rho, spread, predicted_std, condition = statistics
+    rho, spread, predicted_std, condition, _, noise_share = statistics
     index = information_index(rho)
     refusals = {
         "warming_up": warming_up,
@@ -144,11 +146,13 @@ def decide(
                 ksg[left] = nearest(left)
             poor = ~(ksg >= settings.threshold_nat)
     refusals["low_information"] = poor
+    refusals["noise_limited"] = noise_share > settings.noise_share_max
     refusals["ill_conditioned"] = ~(condition <= settings.condition_max)
     return Decision(
         corr=np.where(spread > 0, rho, np.nan),
         mi_nat=index,
         predicted_std=predicted_std,
+        noise_share=noise_share,
         ksg_nat=ksg,
         reasons=(*refusals, "accepted"),
         chosen=first_index(list(refusals.values())),

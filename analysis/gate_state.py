@@ -22,7 +22,7 @@ from estimators.ls import WindowStatistics
 
 _NEVER: Final = -(10**18)
 #: Statistics of a window that misses samples.
-_INCOMPLETE: Final = WindowStatistics(*np.full((4, 1), np.nan))
+_INCOMPLETE: Final = WindowStatistics(*np.full((len(WindowStatistics._fields), 1), np.nan))
 _CODES: Final = {None: UNKNOWN, **{name: code for code, name in enumerate(PHASES)}}
 
 
@@ -33,6 +33,7 @@ class GateRow:
     corr_x_1: float
     mi_x_nat: float
     predicted_std_x: float
+    noise_share_x_1: float
     accepted: bool
     reason: str
     ksg_x_nat: float = float("nan")
@@ -87,7 +88,11 @@ def start_gate(settings: Settings) -> GateState:
 
 
 def step_gate(
-    before: GateState, window: WindowState, row: Mapping[str, Any], settings: Settings
+    before: GateState,
+    window: WindowState,
+    row: Mapping[str, Any],
+    settings: Settings,
+    noise: Floats | None,
 ) -> tuple[GateRow, GateState]:
     """Judge the window that ends at this row.
 
@@ -96,6 +101,7 @@ def step_gate(
         window: the window, this row in it.
         row: a row of `excitation`.
         settings: window, threshold, what is refused.
+        noise: (p + 1, p + 1) of a row of [A f], None where it is not known.
     """
     now = _remember(before, window, row, settings)
     samples = settings.gate.window_samples
@@ -113,7 +119,7 @@ def step_gate(
 
     decided = decide(
         X,
-        window_statistics(window) if complete else _INCOMPLETE,
+        window_statistics(window, noise) if complete else _INCOMPLETE,
         np.array([now.first_whole is None or now.row < now.first_whole + samples - 1]),
         holds,
         nearest,
@@ -125,6 +131,7 @@ def step_gate(
             float(decided.corr[0]),
             float(decided.mi_nat[0]),
             float(decided.predicted_std[0]),
+            float(decided.noise_share[0]),
             reason == "accepted",
             reason,
             float("nan") if decided.ksg_nat is None else float(decided.ksg_nat[0]),

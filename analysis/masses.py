@@ -10,7 +10,7 @@ from analysis.check import Verdict
 from analysis.column_noise import axis_noise, systematic
 from analysis.gate import accepted_samples
 from analysis.machine import Machine
-from analysis.methods import METHODS, LogSummary, Method
+from analysis.methods import METHODS, AxisNoise, LogSummary, Method
 from analysis.regressor import (
     Axis,
     X,
@@ -33,6 +33,7 @@ def masses(
     estimates: Mapping[str, pl.DataFrame],
     machine: Machine,
     verdict: Verdict,
+    noise: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
     """Summarise the log, a row a method.
 
@@ -45,6 +46,7 @@ def masses(
         estimates: `estimates` frames by method.
         machine: settings and empty mass.
         verdict: what it forbids is withheld: every number of the x axis, or of the z axis.
+        noise: of the columns, where it is known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in axes(excitation):
@@ -55,7 +57,9 @@ def masses(
         shown: dict[str, pl.DataFrame] = (
             rows if told else {m: each.clear() for m, each in rows.items()}
         )
-        columns |= theta_columns(axis, *_totals(axis, excitation, gated, shown, machine.settings))
+        known = axis_noise(axis, machine.settings, noise)
+        totals = _totals(axis, excitation, gated, shown, machine.settings, known)
+        columns |= theta_columns(axis, *totals)
         suffix = "" if axis is X else "_z"
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
         columns[f"withheld{suffix}"] = pl.Series([not told] * len(rows))
@@ -70,6 +74,7 @@ def pooled_over_log(
     excitation: pl.DataFrame,
     gated: pl.DataFrame,
     settings: Settings,
+    noise: AxisNoise,
     method: Method = METHODS["pooled"],
 ) -> tuple[Floats, Floats]:
     """Parameters (p,) and deviations (p,) of one fit over every accepted sample of an axis."""
@@ -77,7 +82,7 @@ def pooled_over_log(
     used = accepted_samples(excitation, gated, settings, axis)
     if not used.any():
         return np.full(A.shape[1], np.nan), np.full(A.shape[1], np.nan)
-    options = method.options(settings.trace, axis_noise(axis, settings))
+    options = method.options(settings.trace, noise)
     whole = method.estimator.trace(A, f, np.where(used, 0, -1), options)
     return whole.theta[0], whole.std[0]
 
@@ -88,6 +93,7 @@ def _totals(
     gated: pl.DataFrame,
     estimates: Mapping[str, pl.DataFrame],
     settings: Settings,
+    noise: AxisNoise,
 ) -> tuple[Floats, Floats]:
     """Parameters (methods, p) and deviations (methods, p), NaN where there is no estimate."""
     A, f = regressor(axis, excitation, settings)
@@ -100,14 +106,16 @@ def _totals(
         method = METHODS[name]
         match method.summary:
             case LogSummary.POOL:
-                theta[row], std[row] = pooled_over_log(axis, excitation, gated, settings, method)
+                theta[row], std[row] = pooled_over_log(
+                    axis, excitation, gated, settings, noise, method
+                )
             case LogSummary.LAST:
                 traced, traced_std = theta_of(axis, frame)
                 theta[row], std[row] = traced[-1], traced_std[-1]
             case LogSummary.MEAN:
                 index = np.searchsorted(t_ns, frame["t_ns"].to_numpy()).astype(np.int64)
                 windows = theta_of(axis, frame)
-                unseen = systematic(axis, method, A, f, index, windows[0], settings)
+                unseen = systematic(method, A, f, index, windows[0], settings, noise)
                 theta[row], std[row] = mean_estimate(
                     A, f, settings.gate.window_samples, index, *windows, unseen
                 )

@@ -63,12 +63,15 @@ class AxisNoise:
     """The noise of an axis.
 
     Attributes:
-        raw: of one sample of each column and of the force or torque, before the moving mean.
-        columns: (p,) r.m.s. of the regressor's columns after it; None where it is negligible.
+        ratios: of the columns and of the force or torque, for total least squares.
+        mean: (p + 1, p + 1) covariance in a row of [A f], after the moving mean; None where it is
+            not known.
+        lasting: likewise what sums of many samples vary by, a sample.
     """
 
-    raw: "TlsOptions"
-    columns: "Floats | None"
+    ratios: "TlsOptions"
+    mean: "Floats | None"
+    lasting: "Floats | None"
 
 
 class EstimatorModule(Protocol):
@@ -136,13 +139,13 @@ def _fgls(chosen: MethodOptions, _: AxisNoise) -> "FglsOptions":
 
 
 def _tls(_: MethodOptions, noise: AxisNoise) -> "TlsOptions":
-    return noise.raw
+    return noise.ratios
 
 
 def _pooled(_: MethodOptions, noise: AxisNoise) -> "PooledOptions":
     from estimators.pooled import PooledOptions
 
-    return PooledOptions(noise.columns)
+    return PooledOptions(noise.mean)
 
 
 def _huber(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
@@ -154,7 +157,7 @@ def _huber(chosen: MethodOptions, _: AxisNoise) -> "HuberOptions":
 def _rtls(chosen: MethodOptions, noise: AxisNoise) -> "RtlsOptions":
     from estimators.rtls import RtlsOptions
 
-    return RtlsOptions(noise.raw, chosen.forgetting)
+    return RtlsOptions(noise.ratios, chosen.forgetting)
 
 
 def _by_name(*rows: Method) -> Mapping[str, Method]:

@@ -12,11 +12,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import polars as pl
 from numpy.typing import NDArray
 
 from analysis.column_noise import axis_noise
 from analysis.gate_state import GateRow, GateState, number, start_gate, step_gate
-from analysis.methods import METHODS, Feed, Method
+from analysis.methods import METHODS, AxisNoise, Feed, Method
 from analysis.regressor import X
 from analysis.settings import Settings
 from estimators import incremental
@@ -54,6 +55,7 @@ class OnlineState:
 
     Attributes:
         settings: window, gate, methods.
+        noise: of the columns.
         window: the last `window_samples` rows and their sums.
         gate: what the gate remembers of the rows.
         pasts: of the recursive methods, by name.
@@ -67,6 +69,7 @@ class OnlineState:
     """
 
     settings: Settings
+    noise: AxisNoise
     window: incremental.WindowState
     gate: GateState
     pool: incremental.Pool
@@ -97,12 +100,20 @@ class OnlineStep:
     estimates: Mapping[str, TimedEstimate]
 
 
-def start(settings: Settings) -> OnlineState:
-    """Before the first row."""
+def start(settings: Settings, noise: pl.DataFrame | None = None) -> OnlineState:
+    """Before the first row.
+
+    Args:
+        settings: window, gate, methods.
+        noise: what a replay of the same machine found, or half a minute of standstill; without it
+            that of the settings counts where they name all of it, and else no window is refused
+            for noise, `pooled` takes the regressor for exact and TLS the usual ratios.
+    """
     parameters = 3 if settings.forces.coulomb else 2
     window = settings.gate.window_samples
     return OnlineState(
         settings,
+        axis_noise(X, settings, noise),
         incremental.start_window(parameters, window),
         start_gate(settings),
         incremental.start_pool(parameters),
@@ -123,7 +134,7 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
     names += ["direction_x_1"] if settings.forces.coulomb else []
     sample = np.array([number(row.get(name)) for name in (*names, "force_x_N")])
     window = incremental.step_window(state.window, sample)
-    gate_row, gate = step_gate(state.gate, window, row, settings)
+    gate_row, gate = step_gate(state.gate, window, row, settings, state.noise.mean)
     state = replace(
         state,
         window=window,
@@ -137,7 +148,7 @@ def step(state: OnlineState, row: Mapping[str, Any]) -> OnlineStep:
     while state.settling and gate.row - state.settling[0].row >= gate.braking_lag - 1:
         state, fed = _feed(state)
         estimates |= fed
-    if any(_chosen(settings, Feed.SEGMENTS)):
+    if any(_chosen(state, Feed.SEGMENTS)):
         state, finished = _pool(state, gate.row)
         estimates |= finished
     return OnlineStep(state, gate_row, estimates)
@@ -159,23 +170,22 @@ def _estimate(state: OnlineState, row: int) -> tuple[OnlineState, dict[str, Time
     settings, window = state.settings, state.window
     estimates = {
         method.name: TimedEstimate(row, method.step(window, settings.smooth.samples, options))
-        for method, options in _chosen(settings, Feed.WINDOWS)
+        for method, options in _chosen(state, Feed.WINDOWS)
     }
-    if any(_chosen(settings, Feed.SETTLED)):
+    if any(_chosen(state, Feed.SETTLED)):
         state = replace(state, settling=(*state.settling, Settling(row, window)))
-    if any(_chosen(settings, Feed.SEGMENTS)):
+    if any(_chosen(state, Feed.SEGMENTS)):
         newest = min(row - state.accepted_row, settings.gate.window_samples)
         state = _pending(state, row, newest)
     return replace(state, accepted_row=row), estimates
 
 
-def _chosen(settings: Settings, feed: Feed) -> Iterator[tuple[Method, Any]]:
+def _chosen(state: OnlineState, feed: Feed) -> Iterator[tuple[Method, Any]]:
     """The methods of the settings that are fed so, with their options."""
-    noise = axis_noise(X, settings)
-    for name in settings.trace.methods:
+    for name in state.settings.trace.methods:
         method = METHODS[name]
         if method.feed is feed:
-            yield method, method.options(settings.trace, noise)
+            yield method, method.options(state.settings.trace, state.noise)
 
 
 def _feed(state: OnlineState) -> tuple[OnlineState, dict[str, TimedEstimate]]:
@@ -188,7 +198,7 @@ def _feed(state: OnlineState) -> tuple[OnlineState, dict[str, TimedEstimate]]:
     mean = settings.smooth.samples
     pasts = dict(state.pasts)
     estimates: dict[str, TimedEstimate] = {}
-    for method, options in _chosen(settings, Feed.SETTLED):
+    for method, options in _chosen(state, Feed.SETTLED):
         past = pasts.get(method.name)
         pasts[method.name], estimate = method.step(window, past, newest, mean, options)
         estimates[method.name] = TimedEstimate(row, estimate)
@@ -239,5 +249,5 @@ def _pooled_estimates(state: OnlineState) -> Mapping[str, TimedEstimate]:
     mean = state.settings.smooth.samples
     return {
         method.name: TimedEstimate(state.pooled_row, method.step(state.pool, mean, options))
-        for method, options in _chosen(state.settings, Feed.SEGMENTS)
+        for method, options in _chosen(state, Feed.SEGMENTS)
     }

@@ -14,6 +14,7 @@ import polars as pl
 
 from analysis import fit_quality
 from analysis.check import Verdict
+from analysis.column_noise import axis_noise
 from analysis.masses import pooled_over_log
 from analysis.plane import Plane, plane_noise, plane_of
 from analysis.regressor import X, Z
@@ -37,7 +38,11 @@ _COM: Final = ("com_x_m", "com_x_std_m", "com_y_m", "com_y_std_m")
 
 
 def planar(
-    excitation: pl.DataFrame, gated: pl.DataFrame, verdict: Verdict, settings: Settings
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    verdict: Verdict,
+    settings: Settings,
+    noise: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
     """Make `planar`: a row an arc, one for all arcs together, and one for all motion together.
 
@@ -45,14 +50,15 @@ def planar(
         excitation: motion, forces and phases.
         gated: which windows are accepted, for what straight motion and spins tell.
         verdict: what it forbids is not used and not told.
-        settings: what is refused, limits, noise.
+        settings: what is refused, limits.
+        noise: of the columns, where it is known.
 
     Returns:
         `planar`, without rows where the machine does not turn. What the motion does not determine
         is null, and `combinations` says what it determines instead.
     """
-    plane = plane_of(excitation, settings)
-    rows = list(_arcs(plane, excitation, gated, verdict, settings))
+    plane = plane_of(excitation, settings, noise)
+    rows = list(_arcs(plane, excitation, gated, verdict, settings, noise))
     joint = _joint(plane, verdict, settings)
     rows += [joint] if joint else []
     declared = FRAMES["planar"].columns
@@ -66,6 +72,7 @@ def _arcs(
     gated: pl.DataFrame,
     verdict: Verdict,
     settings: Settings,
+    noise: pl.DataFrame | None,
 ) -> Iterator[dict[str, Any]]:
     """Each arc that lasts a window, and all of them as one fit."""
     steady = plane.usable & (excitation["phase"] == "arc").fill_null(False).to_numpy()
@@ -80,7 +87,8 @@ def _arcs(
     known: dict[str, tuple[float, float]] = {}
     for axis, told in ((X, verdict.can_weigh), (Z, verdict.tells_inertia)):
         if told:
-            theta, std = pooled_over_log(axis, excitation, gated, settings)
+            of_axis = axis_noise(axis, settings, noise)
+            theta, std = pooled_over_log(axis, excitation, gated, settings, of_axis)
             names = [name for name, _ in axis.parameters if name in PARAMETERS]
             known |= {
                 name: (float(value), float(deviation))
@@ -95,7 +103,7 @@ def _arcs(
     for kind, part in parts:
         here, of = plane.cut(part), arc_id[part]
         of = np.where(np.isin(of, lasting_ids), of, -1)
-        estimate = _fit(here, of, known, settings, both=both)
+        estimate = _fit(here, of, known, both=both)
         row = _row(kind, here, of >= 0, estimate, known)
         reason = "accepted"
         if not np.isfinite(row["com_x_m"]):
@@ -110,7 +118,7 @@ def _joint(plane: Plane, verdict: Verdict, settings: Settings) -> dict[str, Any]
     used = plane.usable & plane.moving
     if not plane.has_torque or (used & plane.turning).sum() < settings.gate.window_samples:
         return None
-    estimate = _fit(plane, np.where(used, 0, -1), {}, settings, both=True)
+    estimate = _fit(plane, np.where(used, 0, -1), {}, both=True)
     row = _row("joint", plane, used, estimate, {})
     unexplained = estimate.residual_rms**2 / np.var(plane.f, axis=0, where=used[:, None])
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
@@ -141,9 +149,7 @@ def _believable(
     )
 
 
-def _fit(
-    plane: Plane, segment_id: Ints, known: Known, settings: Settings, *, both: bool
-) -> BaseEstimate:
+def _fit(plane: Plane, segment_id: Ints, known: Known, *, both: bool) -> BaseEstimate:
     """Fit the samples of segment_id >= 0; without `both`, the row of the force alone."""
     rows = 2 if both else 1
     return base_parameters.fit(
@@ -152,7 +158,7 @@ def _fit(
         PARAMETERS,
         segment_id,
         known,
-        plane_noise(plane.motion, segment_id >= 0, settings)[:rows],
+        plane_noise(plane, segment_id >= 0)[:rows],
     )
 
 

@@ -1,11 +1,13 @@
 """The regressor of all motion in the plane, and which samples of a log may go into it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.column_noise import mean_stds
 from analysis.gate import braking_within_sight
 from analysis.phases import TURNS, pace, yaw_pace
 from analysis.regressor import Z, axes
@@ -32,6 +34,7 @@ class Plane:
         pace: (n,) 1 where it speeds up, -1 where it slows down, 0 where neither.
         has_torque: whether there is a yaw torque with a yaw acceleration; without, the second row
             says nothing.
+        noise: of each column after the moving mean, by its name.
     """
 
     t_ns: NDArray[np.int64]
@@ -43,6 +46,7 @@ class Plane:
     turning: Bools
     pace: Floats
     has_torque: bool
+    noise: Mapping[str, float]
 
     def cut(self, part: slice) -> "Plane":
         """A slice of the log, which shares its memory."""
@@ -56,10 +60,13 @@ class Plane:
             turning=self.turning[part],
             pace=self.pace[part],
             has_torque=self.has_torque,
+            noise=self.noise,
         )
 
 
-def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
+def plane_of(
+    excitation: pl.DataFrame, settings: Settings, noise: pl.DataFrame | None = None
+) -> Plane:
     """Collect what the planar fits need."""
     n, has_torque = excitation.height, Z in axes(excitation)
     phase = excitation["phase"]
@@ -97,30 +104,18 @@ def plane_of(excitation: pl.DataFrame, settings: Settings) -> Plane:
         turning=turning,
         pace=along,
         has_torque=has_torque,
+        noise=mean_stds(settings, noise),
     )
 
 
-def plane_noise(motion: planar_rows.PlanarRegressor, used: Bools, settings: Settings) -> Floats:
-    """What the settings' noise is in each column of each row, (2, 6), after the moving mean.
-
-    Args:
-        motion: (n,) samples.
-        used: (n,) those to look at, without NaN.
-        settings: noise of the channels, samples of the mean.
-    """
+def plane_noise(plane: Plane, used: Bools) -> Floats:
+    """The noise in each column of each row, (2, 6), after the moving mean; `used` (n,) rows."""
+    motion, noise = plane.motion, plane.noise
     speed_rms, yaw_rate_rms = (
         float(np.sqrt(np.mean(x**2, where=used))) for x in (motion.speed, motion.yaw_rate)
     )
+    acc, speed = noise["regressor_acc_x_m_s2"], noise["speed_x_m_s"]
+    yaw_rate, yaw_acc = noise["yaw_rate_rad_s"], noise["yaw_acc_rad_s2"]
     # of ω v, or of an accelerometer, whichever is more
-    sideways = np.hypot(
-        speed_rms * settings.noise.yaw_rate_rad_s, yaw_rate_rms * settings.noise.speed_m_s
-    )
-    mean = np.sqrt(settings.smooth.samples)
-    return planar_rows.column_noise(
-        yaw_rate_rms,
-        settings.noise.acc_m_s2 / mean,
-        max(settings.noise.acc_m_s2, float(sideways)) / mean,
-        settings.noise.speed_m_s / mean,
-        settings.noise.yaw_rate_rad_s / mean,
-        settings.noise.yaw_acc_rad_s2 / mean,
-    )
+    sideways = float(np.hypot(speed_rms * yaw_rate, yaw_rate_rms * speed))
+    return planar_rows.column_noise(yaw_rate_rms, acc, max(acc, sideways), speed, yaw_rate, yaw_acc)

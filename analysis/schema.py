@@ -28,8 +28,23 @@ REASONS: Final = (
     "saturated",
     "slip",
     "ill_conditioned",
+    "noise_limited",
 )
 AXES: Final = ("x", "z")
+NOISE_SOURCES: Final = ("standstill", "differences", "setting")
+#: The columns of each axis that have noise, the force last, and the settings that override it.
+NOISE_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
+    "x": {
+        "regressor_acc_x_m_s2": "acc_m_s2",
+        "speed_x_m_s": "speed_m_s",
+        "force_x_N": "force_N",
+    },
+    "z": {
+        "yaw_acc_rad_s2": "yaw_acc_rad_s2",
+        "yaw_rate_rad_s": "yaw_rate_rad_s",
+        "torque_z_N_m": "torque_z_N_m",
+    },
+}
 PHASE: Final = pl.Enum(PHASES)
 REASON: Final = pl.Enum(REASONS)
 
@@ -166,6 +181,17 @@ FRAMES: Final[dict[str, Frame]] = {
             ),
         ),
         Frame(
+            "noise",
+            "noise of the columns of each axis before the moving mean: a row a pair and lag",
+            (
+                Column("first", pl.String, "1", "column of `excitation` that comes first"),
+                Column("second", pl.String, "1", "column that comes `lag` samples later"),
+                Column("lag", pl.Int64, "1", "samples between the two"),
+                _f("covariance", "1", "covariance of the two, in the product of their units"),
+                Column("source", pl.Enum(NOISE_SOURCES), "1", "what it is estimated from"),
+            ),
+        ),
+        Frame(
             "gate",
             "what the gate saw in the window that ends here, and what it decided",
             (
@@ -174,12 +200,14 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("mi_x_nat", "nat", "information index (11) of the window"),
                 _f("ksg_x_nat", "nat", "mutual information by nearest neighbours (index = ksg)"),
                 _f("predicted_std_x", "kg", "predicted standard deviation of the mass"),
+                _f("noise_share_x_1", "1", "share of noise in what the acceleration adds"),
                 Column("accepted_x", pl.Boolean, "1", "whether the window is used"),
                 Column("reason_x", REASON, "1", "why, or why not"),
                 _f("corr_z_1", "1", "correlation of yaw acceleration and torque over the window"),
                 _f("mi_z_nat", "nat", "information index (11) of the window, yaw"),
                 _f("ksg_z_nat", "nat", "the same by nearest neighbours, yaw (index = ksg)"),
                 _f("predicted_std_z", "kg·m²", "predicted standard deviation of the inertia"),
+                _f("noise_share_z_1", "1", "share of noise in what the yaw acceleration adds"),
                 Column("accepted_z", pl.Boolean, "1", "whether the window is used for spins"),
                 Column("reason_z", REASON, "1", "why, or why not"),
             ),

@@ -43,13 +43,19 @@ def pooled_samples(
     return np.where(used, manoeuvres(excitation, settings), -1)
 
 
-def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> pl.DataFrame:
+def segments(
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    noise: pl.DataFrame | None = None,
+) -> pl.DataFrame:
     """Make `segments`: a row a manoeuvre with its pooled estimate, or the reason for none.
 
     Args:
         excitation: the regressor and the phases.
         gated: which windows are accepted.
         settings: window, what is refused.
+        noise: of the columns, where it is known.
     """
     turns = TURNS if Z not in axes(excitation) else ("arc", "turning")
     refused_for = {**dict.fromkeys(turns, "turning"), "standstill": "standstill"}
@@ -63,7 +69,7 @@ def segments(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) 
         used |= pooled_ids >= 0
         A, f = regressor(axis, excitation, settings)
         method = METHODS["pooled"]
-        options = method.options(settings.trace, axis_noise(axis, settings))
+        options = method.options(settings.trace, axis_noise(axis, settings, noise))
         traced = method.estimator.trace(A, f, pooled_ids, options)
         parts.append(
             pl.DataFrame(

@@ -114,6 +114,9 @@ class GateSettings(BaseModel):
         description="disagreement of wheels and IMU that means slip (slopes need pitch_rad)",
     )
     condition_max: float = Field(1000.0, gt=1, description="larger condition numbers are refused")
+    noise_share_max: float = Field(
+        0.1, gt=0, description="largest share of noise in what the acceleration alone explains"
+    )
 
 
 class TraceSettings(MethodOptions):
@@ -127,18 +130,19 @@ class TraceSettings(MethodOptions):
 
 
 class NoiseSettings(BaseModel):
-    """Standard deviation of one sample of each column, before the moving mean."""
+    """Standard deviation of one sample of each column, before the moving mean; None: from the log.
+
+    A value stands for white noise.
+    """
 
     model_config = _PART
 
-    force_N: float = Field(60.0, gt=0, description="noise of the force")
-    acc_m_s2: float = Field(0.01, gt=0, description="noise of the acceleration")
-    speed_m_s: float = Field(0.005, gt=0, description="noise of the speed")
-    torque_z_N_m: float = Field(45.0, gt=0, description="noise of the yaw torque")
-    yaw_acc_rad_s2: float = Field(
-        0.026, gt=0, description="noise of the yaw acceleration, as derived of such a yaw rate"
-    )
-    yaw_rate_rad_s: float = Field(0.001, gt=0, description="noise of the yaw rate")
+    force_N: float | None = Field(None, gt=0, description="noise of the force")
+    acc_m_s2: float | None = Field(None, gt=0, description="noise of the acceleration")
+    speed_m_s: float | None = Field(None, gt=0, description="noise of the speed")
+    torque_z_N_m: float | None = Field(None, gt=0, description="noise of the yaw torque")
+    yaw_acc_rad_s2: float | None = Field(None, gt=0, description="noise of the yaw acceleration")
+    yaw_rate_rad_s: float | None = Field(None, gt=0, description="noise of the yaw rate")
 
 
 class PriorSettings(BaseModel):

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from analysis.column_noise import axis_noise, systematic
+from analysis.column_noise import axis_noise, least_std, systematic
 from analysis.gate import settled_windows
-from analysis.methods import METHODS, Feed
+from analysis.methods import METHODS, AxisNoise, Feed
 from analysis.regressor import Axis, axes, regressor, trace_columns
 from analysis.schema import build
 from analysis.segments import pooled_samples
@@ -18,7 +18,10 @@ from estimators.estimate import Ints, Trace
 
 
 def trace(
-    excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    noise: pl.DataFrame | None = None,
 ) -> dict[str, pl.DataFrame]:
     """Estimate from every accepted window with every method of the settings.
 
@@ -26,11 +29,15 @@ def trace(
         excitation: the regressor.
         gated: which windows are accepted.
         settings: window, methods and their options.
+        noise: of the columns, where it is known.
 
     Returns:
         By method: its `estimates` frame, accepted rows only; `pooled` has a row a manoeuvre.
     """
-    axes_traced = {axis: _traces(axis, excitation, gated, settings) for axis in axes(excitation)}
+    axes_traced = {
+        axis: _traces(axis, excitation, gated, settings, axis_noise(axis, settings, noise))
+        for axis in axes(excitation)
+    }
     t_ns = excitation["t_ns"].to_numpy()
     return {
         method: _frame({axis: traces[method] for axis, traces in axes_traced.items()}, t_ns)
@@ -39,7 +46,11 @@ def trace(
 
 
 def _traces(
-    axis: Axis, excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings
+    axis: Axis,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    settings: Settings,
+    noise: AxisNoise,
 ) -> dict[str, Trace]:
     """Every method over one axis."""
     A, f = regressor(axis, excitation, settings)
@@ -55,15 +66,17 @@ def _traces(
             case Feed.SEGMENTS:
                 return (pooled_samples(excitation, gated, settings, axis),)
 
-    noise = axis_noise(axis, settings)
     traces: dict[str, Trace] = {}
     for name in settings.trace.methods:
         method = METHODS[name]
         options = method.options(settings.trace, noise)
         traced = method.estimator.trace(A, f, *fed(method.feed), options)
         if method.feed is not Feed.SEGMENTS:
-            unseen = systematic(axis, method, A, f, traced.index, traced.theta, settings)
-            traced = replace(traced, std=np.hypot(traced.std, unseen))
+            unseen = systematic(method, A, f, traced.index, traced.theta, settings, noise)
+            std = traced.std
+            if method.feed is Feed.WINDOWS:
+                std = np.maximum(std, least_std(A, f, window, traced.index, traced.theta, noise))
+            traced = replace(traced, std=np.hypot(std, unseen))
         traces[name] = traced
     return traces
 

@@ -4,7 +4,8 @@ Noise of r.m.s. σ_c in column c adds N = n·diag(σ²) to AᵀA and nothing to 
 finds θ with AᵀA θ = (AᵀA - N) θ₀ (Fuller, Measurement Error Models, 1987). From what it found,
 θ₀ = θ + (AᵀA - N)⁻¹ N θ. That difference is added by the methods that correct (and half of it
 counted as uncertainty, since σ² is known to half of itself at best) and counted whole as
-uncertainty by those that do not.
+uncertainty by those that do not. Where columns share noise, as a speed and its derivative may, N is
+n times their covariance; what they share with f is taken off Aᵀf likewise.
 """
 
 import numpy as np
@@ -33,7 +34,7 @@ def attenuation(G: Floats, theta: Floats, added: Floats) -> Floats:
 
 
 def window_attenuations(
-    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise_A: Floats
+    A: Floats, f: Floats, window: int, index: Ints, theta: Floats, noise: Floats
 ) -> Floats:
     """(rows, p) what to add to the estimates of the windows that end at `index`.
 
@@ -45,13 +46,14 @@ def window_attenuations(
         window: samples in a window.
         index: (rows,) last samples of the windows.
         theta: (rows, p) their estimates.
-        noise_A: (p,) r.m.s. noise of each column as it is in A.
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f].
     """
     p = A.shape[1]
-    added = window * noise_A**2
+    added = window * noise
     clean = solve_windows(A, f, window, index).grams.T.copy()
     for i in range(p):
-        clean[packed_index(i, i, p)] -= added[i]
-    drawn = np.ascontiguousarray(theta.T * added[:, None])
+        for j in range(i, p):
+            clean[packed_index(i, j, p)] -= added[i, j]
+    drawn = np.ascontiguousarray(added[:p, :p] @ theta.T - added[:p, p:])
     substitute(*factor(clean, p, p), drawn)
     return drawn.T

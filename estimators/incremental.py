@@ -23,7 +23,7 @@ from estimators.huber import HuberOptions
 from estimators.huber import reweight as reweight_huber
 from estimators.information import correlation
 from estimators.linear import condition_number, condition_numbers, inverse_spd, pack, unpack
-from estimators.ls import LsOptions, WindowStatistics, least_squares, predicted_std
+from estimators.ls import LsOptions, WindowStatistics, least_squares, predicted
 from estimators.normal_equations import columns_of, gram, residual_squares, solve
 from estimators.pooled import PooledOptions, add_sample, without_noise
 from estimators.recursive import feed_products, in_lanes, weights
@@ -106,12 +106,12 @@ def step_window(state: WindowState, sample: Floats) -> WindowState:
     return WindowState(z, seen, centre, suffix, prefix, products, moments)
 
 
-def window_statistics(state: WindowState) -> WindowStatistics:
-    """Compute what the gate asks of the window that ends now, (1,) each."""
+def window_statistics(state: WindowState, noise: Floats | None = None) -> WindowStatistics:
+    """Compute what the gate asks of the window that ends now, (1,) each; noise as for `ls`."""
     window = state.z.shape[1]
     rho, spread = np.empty(1), np.empty(1)
     correlation(state.moments, state.centre, window, rho, spread)
-    return WindowStatistics(rho, spread, *predicted_std(state.products, window))
+    return WindowStatistics(rho, spread, *predicted(state.products, window, noise))
 
 
 def ls(state: WindowState, mean: int, options: LsOptions) -> Estimate:  # noqa: ARG001 - all methods take some

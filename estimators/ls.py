@@ -143,37 +143,81 @@ class WindowStatistics(NamedTuple):
         predicted_std: sqrt(σ̂² (G⁻¹)₁₁), the textbook's deviation of the first parameter: a measure
             to rank windows by, not the deviation that is reported.
         condition: condition number of the regressor.
+        partial: 1 / (G⁻¹)₁₁, the sum of squares of the first column that the others leave.
+        noise_share: share of noise in it.
     """
 
     rho: Floats
     spread: Floats
     predicted: Floats
     condition: Floats
+    partial: Floats
+    noise_share: Floats
 
 
-def window_statistics(A: Floats, f: Floats, window: int, index: Ints) -> WindowStatistics:
-    """Compute what the gate asks of the windows that end at `index`, in one pass."""
+def window_statistics(
+    A: Floats, f: Floats, window: int, index: Ints, noise: Floats | None = None
+) -> WindowStatistics:
+    """Compute what the gate asks of the windows that end at `index`, in one pass.
+
+    Args:
+        A: (n, p) regressor.
+        f: (n,) force.
+        window: samples in a window.
+        index: (rows,) last samples of the windows.
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f]; none where not given.
+    """
     out = WindowStatistics(*(np.empty(index.size) for _ in WindowStatistics._fields))
 
     def work(rows: slice) -> None:
         products, *seen = correlated_sums(A, f, window, index[rows])
-        for whole, part in zip(out, (*seen, *predicted_std(products, window)), strict=True):
+        for whole, part in zip(out, (*seen, *predicted(products, window, noise)), strict=True):
             whole[rows] = part
 
     in_chunks(work, index.size)
     return out
 
 
-def predicted_std(products: Floats, window: int) -> tuple[Floats, Floats]:
-    """Predict the standard deviation (m,) from packed products; and the condition number (m,)."""
+def predicted(
+    products: Floats, window: int, noise: Floats | None
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """The last four of `WindowStatistics`, (m,) each, from packed products (entries, m)."""
     solved = solve(products)
     p = len(solved.theta)
     # (G⁻¹)₁₁ is the first entry of the solution for the first unit vector
     unit = np.zeros(solved.theta.shape)
     unit[0] = 1.0
     substitute(solved.L, solved.inverse, unit)
-    freedom = max(window - p, 1)
-    return np.sqrt(solved.rss / freedom * unit[0]), condition_numbers(products, p + 1, p)
+    variance, share = solved.rss / max(window - p, 1), np.zeros(solved.rss.size)
+    if noise is not None:
+        # the residuals of a window may be small by chance, those of noise are not
+        variance = np.maximum(variance, residual_noise(solved.theta, noise))
+        # u / u₁ are the weights of the columns in what the others leave of the first
+        share = window * quadratic(noise, unit) / unit[0]
+    condition = condition_numbers(products, p + 1, p)
+    with np.errstate(divide="ignore"):
+        return np.sqrt(variance * unit[0]), condition, 1.0 / unit[0], share
+
+
+def residual_noise(theta: Floats, noise: Floats) -> Floats:
+    """Variance (m,) of the noise in f - Aθ of m windows, θ (p, m), from that of [A f]."""
+    p = len(theta)
+    total = quadratic(noise, theta) + noise[p, p]
+    for i in range(p):
+        total = total - 2.0 * noise[i, p] * theta[i]
+    return np.maximum(total, 0.0)
+
+
+def quadratic(noise: Floats, x: Floats) -> Floats:
+    """xᵀ Σ x of each of m vectors x (p, m), by the leading p × p part of Σ.
+
+    Element by element, so that one window gives what many give, to the bit.
+    """
+    total = np.zeros(x.shape[1])
+    for i in range(len(x)):
+        for j in range(len(x)):
+            total = total + noise[i, j] * x[i] * x[j]
+    return total
 
 
 def trace(

@@ -22,12 +22,12 @@ class PooledOptions:
     """What is known of the regressor's own noise.
 
     Attributes:
-        noise_A: r.m.s. noise of each column as it is in A, whose pull towards zero is taken off
-            again (`estimators.attenuation`), half of it counted as uncertainty. None takes A as
-            exact, which is ordinary least squares.
+        noise: (p + 1, p + 1) covariance of the noise in a row of [A f], whose pull towards zero is
+            taken off again (`estimators.attenuation`), half of it counted as uncertainty. None
+            takes A as exact, which is ordinary least squares.
     """
 
-    noise_A: Floats | None = None
+    noise: Floats | None = None
 
 
 @compiled
@@ -51,12 +51,13 @@ def add_sample(a: Floats, f: float, products: Floats) -> None:
 
 
 def without_noise(products: Floats, counts: Floats, options: PooledOptions) -> Floats:
-    """Packed sums (entries, ids) of counts (ids,) samples, less what noise added to AᵀA."""
-    if options.noise_A is None:
+    """Packed sums (entries, ids) of counts (ids,) samples, less what noise added to AᵀA, Aᵀf."""
+    if options.noise is None:
         return products
     clean, q = products.copy(), columns_of(products)
     for i in range(q - 1):
-        clean[packed_index(i, i, q)] -= counts * options.noise_A[i] ** 2
+        for j in range(i, q):
+            clean[packed_index(i, j, q)] -= counts * options.noise[i, j]
     return clean
 
 

@@ -152,6 +152,13 @@ TABS: Final = (
                 corr_x_1="along",
                 corr_z_1="yaw",
             ),
+            _lines(
+                "Share of noise in what the acceleration explains",
+                "gate",
+                "gate.noise_share_max",
+                noise_share_x_1="along",
+                noise_share_z_1="yaw",
+            ),
             _wild(
                 "Predicted standard deviation of the mass", "gate", "predicted_std_x", "predicted"
             ),
@@ -310,6 +317,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "specific_force_y_m_s2 specific_force_z_m_s2 "
             "roll_rate_rad_s pitch_rate_rad_s pitch_rad roll_rad"
         ),
+        "noise": "first second lag covariance source",
         "gate": "t_ns accepted_x accepted_z",
         "estimates": "t_ns axis",
         "segments": (

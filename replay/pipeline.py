@@ -1,10 +1,11 @@
-"""The paper's method on one screen: log → align → smooth → forces → gate → trace → Run."""
+"""The paper's method on one screen: log → align → smooth → forces → noise → gate → trace → Run."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
 
 from analysis.align import align
 from analysis.align import notes as grid_notes
+from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
 from analysis.derive import derive
 from analysis.diagnosis import verdict
@@ -26,7 +27,7 @@ from replay.readers import Log
 #: What `on_stage` is told, in order.
 STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
-    *("gate", "trace", "segments", "verdict", "planar"),
+    *("noise", "gate", "trace", "segments", "verdict", "planar"),
 )
 
 
@@ -59,24 +60,27 @@ def run(
     smoothed = smooth(aligned, settings.smooth)
     on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion
     excitation = forces(smoothed, machine)
+    on_stage("noise")  # of every column, from standstill and fast changes
+    noise = channel_noise(aligned, excitation, machine)
     on_stage("gate")  # the index (11) over each window, and a reason for each
-    gated = gate(excitation, settings)
+    gated = gate(excitation, settings, noise)
     on_stage("trace")  # the estimators over the accepted windows
-    estimates = trace(excitation, gated, settings)
+    estimates = trace(excitation, gated, settings, noise)
     on_stage("segments")  # pooled over each manoeuvre
-    table = segments(excitation, gated, settings)
+    table = segments(excitation, gated, settings, noise)
     on_stage("verdict")  # what the ungated log says of all this
     judged = verdict(excitation, gated, machine)
     opinion = Verdict.of(judged)
-    totals = masses(excitation, gated, estimates, machine, opinion)
+    totals = masses(excitation, gated, estimates, machine, opinion, noise)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane = planar(excitation, gated, opinion, settings)
+    plane = planar(excitation, gated, opinion, settings, noise)
 
     return Run(
         frames={
             **named_by_topic(raw),
             "aligned": aligned,
             "excitation": excitation,
+            "noise": noise,
             "gate": gated,
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
             "segments": table,

@@ -7,7 +7,13 @@ import polars as pl
 
 from analysis.machine import Machine
 from analysis.reproduction.replayed import ReplayedCampaign
-from analysis.reproduction.sources import Extracts, Repetition, Study, repetitions
+from analysis.reproduction.sources import (
+    Extracts,
+    Repetition,
+    Study,
+    repetitions,
+    with_paper_noise,
+)
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from recordings.reproduction.items import Found, Item, find
 from replay.machine_file import load_machine
@@ -32,7 +38,7 @@ class Reproduction:
         self._digests = Extracts()
         study = Study(
             scenario=Scenario().seeded(seed),
-            machine=load_machine("cat262c.toml"),
+            machine=with_paper_noise(load_machine("cat262c.toml")),
             windows=windows,
             campaigns=campaigns,
             replay=replay_simulated,

@@ -21,6 +21,15 @@ from analysis.simulation.waveforms import ForceWave, TorqueWave
 #: What is held fixed in Tables 3 and 4: section 4.3's values, which are also the defaults.
 WINDOW_SAMPLES: Final = 320
 THRESHOLD_NAT: Final = 0.7
+#: The noise of the paper's sensors, which its study takes for known: TLS scales by it.
+PAPER_NOISE: Final = {
+    "noise.force_N": 60.0,
+    "noise.acc_m_s2": 0.01,
+    "noise.speed_m_s": 0.005,
+    "noise.torque_z_N_m": 45.0,
+    "noise.yaw_acc_rad_s2": 0.026,
+    "noise.yaw_rate_rad_s": 0.001,
+}
 #: The claim's constant speed: so long a cruise follows the start.
 CRUISE_S: Final = 90.0
 #: A long cruise is simulated once for so many windows of Table 1.
@@ -97,6 +106,11 @@ class Repetition(NamedTuple):
 
     name: str
     take: Callable[[], None]
+
+
+def with_paper_noise(machine: Machine) -> Machine:
+    """The machine, its noise not from the log but as the paper has it."""
+    return machine.model_copy(update={"settings": machine.settings.changed(PAPER_NOISE)})
 
 
 def repetitions(

@@ -63,8 +63,9 @@ def test_a_name_means_the_same_unit_and_dtype_in_every_frame():
 
 
 def test_a_name_says_the_dtype():
-    whole = ("segment_id", "samples", "samples_accepted", "rows", "rows_z", "runs", "rank")
+    whole = ("segment_id", "samples", "samples_accepted", "rows", "rows_z", "runs", "rank", "lag")
     words = ("kind", "identifiable", "combinations", "method", "check", "about", "meaning")
+    words += ("first", "second")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
     dtypes = {
         **dict.fromkeys(whole, pl.Int64),
@@ -73,6 +74,7 @@ def test_a_name_says_the_dtype():
         **dict.fromkeys(("reason", "reason_x", "reason_z"), pl.Enum(REASONS)),
         "phase": pl.Enum(PHASES),
         "axis": pl.Enum(["x", "z"]),
+        "source": pl.Enum(["standstill", "differences", "setting"]),
     }
     for frame, column in COLUMNS:
         time = pl.Int64 if column.name.endswith("_ns") else pl.Float64
@@ -142,4 +144,4 @@ def test_phases_and_reasons_are_those_of_the_design():
         "turning",
     )
     assert REASONS[0] == "accepted"
-    assert len(set(REASONS)) == 13
+    assert len(set(REASONS)) == 14

@@ -1,0 +1,322 @@
+"""The noise of every column of the equations, from the log: at standstill, and while it moves.
+
+At standstill nothing but noise happens, so its covariances are seen whole. While the machine moves,
+vibration adds to it, and only fast changes are noise for certain: where their power exceeds that at
+standstill, the noise is larger by that. A column that reads exactly one value at standstill (a
+quantised speed) has its noise from fast changes alone; slow ones, which the motion hides, follow
+from what was done to the channel: white noise stays level, a derivative's falls towards 0 Hz.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.forces import longitudinal_force, regressor_acceleration, yaw_torque
+from analysis.machine import Machine
+from analysis.noise_spectra import (
+    LAGS,
+    Bools,
+    Floats,
+    block_power,
+    covariances,
+    covariances_of,
+    frequencies,
+    neighbours_mean,
+    pieces,
+    quantisation,
+    quantum,
+    spectra_of,
+    spectrum_frequencies,
+    stretches,
+)
+from analysis.regressor import YAW_COLUMNS
+from analysis.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
+from analysis.settings import NoiseSettings
+
+Complexes = NDArray[np.complex128]
+
+#: The machine rocks after it has stopped, and its torque rises before it starts.
+_AFTER_STOP_S: Final = 0.6
+_BEFORE_START_S: Final = 0.3
+#: Faster changes than this are noise, not driving; at most this share of the rate.
+_FAST_HZ: Final = 10.0
+_FAST_SHARE: Final = 0.25
+#: The band above that which tells how much there is below it, as a multiple.
+_BAND: Final = 2.5
+#: A ratio of two powers exceeds 1 when it does by so many of its standard errors.
+_MORE: Final = 2.5
+#: A variance below the square of this share of a column's range is rounding.
+_ROUNDING: Final = 1e-9
+#: Below this share of the largest power a spectrum is a filter's stop band.
+_STOPPED: Final = 1e-3
+#: A column that has at most so many values in a piece of standstill reads a constant.
+_FEW_VALUES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """The columns of one axis on the grid, and where to look.
+
+    Attributes:
+        x: (rows, columns), NaN where one is missing.
+        quiet: stretches of standstill, away from stops and starts.
+        still: (rows,) the samples in them.
+        moving: (rows,) the samples in motion.
+        known: (rows,) the samples that are there.
+        rate_hz: of the grid.
+    """
+
+    x: Floats
+    quiet: list[tuple[int, int]]
+    still: Bools
+    moving: Bools
+    known: Bools
+    rate_hz: float
+
+    @property
+    def fast(self) -> float:
+        """The lowest frequency at which all is noise, over the rate."""
+        return min(_FAST_HZ / self.rate_hz, _FAST_SHARE)
+
+
+def channel_noise(
+    aligned: pl.DataFrame, excitation: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """Estimate the noise of the columns of each axis, on the grid before the moving mean.
+
+    Args:
+        aligned: the grid.
+        excitation: the phases.
+        machine: how the columns are made; settings of the noise override the log.
+
+    Returns:
+        `noise`: a row a pair of columns and lag.
+    """
+    body, rate_hz = machine.machine, machine.settings.align.rate_hz
+    gap = aligned["gap"].to_numpy()
+    columns = {
+        "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
+        "speed_x_m_s": values(aligned, "speed_x_m_s"),
+        "force_x_N": longitudinal_force(aligned, body),
+    }
+    torque = yaw_torque(aligned, body)
+    columns |= {} if torque is None else {"torque_z_N_m": torque}
+    columns |= {
+        name: values(aligned, name)
+        for name in YAW_COLUMNS
+        if name in aligned.columns and name not in columns
+    }
+    phase = excitation["phase"].cast(pl.String)
+    stands = (phase == "standstill").fill_null(False).to_numpy()
+    moves = phase.is_not_null().to_numpy() & ~stands
+    tables: list[pl.DataFrame] = []
+    for declared in NOISE_COLUMNS.values():
+        axis = {name: setting for name, setting in declared.items() if name in columns}
+        if not axis:
+            continue
+        x = np.column_stack([columns[name] for name in axis])
+        known = np.isfinite(x).all(axis=1) & ~gap
+        samples = _samples(x, stands & known, moves & known, known, rate_hz)
+        found, sources = _noise(samples, _made(tuple(axis), machine))
+        _override(found, sources, axis, machine.settings.noise)
+        tables.append(_table(tuple(axis), found, sources))
+    return build("noise", pl.concat(tables).to_dict())
+
+
+def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float) -> _Samples:
+    after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
+    quiet = [(a + after, b - before) for a, b in stretches(stands) if b - before > a + after]
+    still = np.zeros(stands.size, np.bool_)
+    for begin, end in quiet:
+        still[begin:end] = True
+    return _Samples(x, quiet, still, moves, known, rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """How a column comes from what was measured.
+
+    Attributes:
+        derivatives: how often it was differentiated.
+        derivative_of: the column of the axis that it is the derivative of, -1 for none.
+        filtered: whether the low-pass was applied.
+        cutoff: of the low-pass, over the rate.
+        causal: whether filter and derivative look back only.
+        rate_hz: of the grid.
+    """
+
+    derivatives: int
+    derivative_of: int
+    filtered: bool
+    cutoff: float
+    causal: bool
+    rate_hz: float
+
+    def response(self, at: Floats) -> Floats:
+        """Power at frequencies over the rate, of white noise of variance 1 as measured."""
+        slope = 2.0 * np.sin(np.pi * at) if self.causal else np.sin(2.0 * np.pi * at)
+        power = (slope * self.rate_hz) ** (2 * self.derivatives)
+        if self.filtered:
+            one_pass = 1.0 / (1.0 + (at / self.cutoff) ** 8)
+            power = power * (one_pass if self.causal else one_pass**2)
+        return power
+
+    def slope(self, at: Floats) -> Complexes:
+        """Transfer of one derivative at frequencies over the rate."""
+        if self.causal:
+            return np.asarray(self.rate_hz * (1.0 - np.exp(-2j * np.pi * at)), np.complex128)
+        return self.rate_hz * 1j * np.sin(2.0 * np.pi * at)
+
+
+def _made(axis: tuple[str, ...], machine: Machine) -> list[_Made]:
+    """How each column of an axis is made."""
+    chosen = machine.settings.forces.acceleration
+    channels = machine.channels
+    names = [
+        {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
+        if name == "regressor_acc_x_m_s2"
+        else name
+        for name in axis
+    ]
+    filtered = any(channel.derivative_of for channel in channels.values())
+    cutoff = machine.settings.filter.cutoff_hz / machine.settings.align.rate_hz
+    made: list[_Made] = []
+    for name in names:
+        depth, at = 0, name
+        while at in channels and channels[at].sources:
+            depth += channels[at].derivative_of is not None
+            at = channels[at].sources[0]
+        parent = channels[name].derivative_of if name in channels else None
+        made.append(
+            _Made(
+                depth,
+                names.index(parent) if parent in names else -1,
+                filtered and cutoff < 0.45,
+                cutoff,
+                machine.settings.filter.causal,
+                machine.settings.align.rate_hz,
+            )
+        )
+    return made
+
+
+def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
+    """Covariances (columns, columns, LAGS) and the source of each column's."""
+    p = samples.x.shape[1]
+    cut = pieces(samples.x, samples.quiet)
+    found = covariances(cut) if cut else np.zeros((p, p, LAGS))
+    live = [bool(cut) and _lives(samples, cut, column) for column in range(p)]
+    powers = [
+        block_power(samples.x[:, column], samples.moving, samples.fast) for column in range(p)
+    ]
+    spectra = spectra_of(found)
+    for column in np.flatnonzero(~np.array(live)):
+        spectra[column, :] = 0.0
+        spectra[:, column] = 0.0
+    for column in range(p):
+        if not live[column]:
+            power = powers[column]
+            if power is None:
+                power = block_power(samples.x[:, column], samples.known, samples.fast)
+            if power is not None:
+                spectra[column, column] = _level(power[0], made[column], samples.fast)
+    # what is differentiated, and its derivative, have one noise
+    at = spectrum_frequencies()
+    for column, how in enumerate(made):
+        of = how.derivative_of
+        if of >= 0 and not (live[column] and live[of]):
+            shared = np.sqrt(np.maximum(spectra[column, column] * spectra[of, of], 0.0))
+            slope = how.slope(at)
+            turn = slope / np.maximum(np.abs(slope), np.finfo(float).tiny)
+            spectra[of, column] = shared * turn
+            spectra[column, of] = shared * turn.conj()
+    for column in range(p):
+        step = quantum(samples.x[:, column], samples.moving)
+        coarse = step is not None and step**2 / 12.0 > covariances_of(spectra)[column, column, 0]
+        if step is not None and coarse:
+            own = quantisation(samples.x[:, column], samples.moving, step)[None, None]
+            spectra[column, column] = spectra_of(own)[0, 0]
+            live[column] = False
+    grown = [
+        _growth(samples, column, powers[column]) if live[column] else np.ones(at.size)
+        for column in range(p)
+    ]
+    for i in range(p):
+        for j in range(p):
+            spectra[i, j] *= np.sqrt(grown[i] * grown[j])
+    return covariances_of(spectra), ["standstill" if alive else "differences" for alive in live]
+
+
+def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
+    """Whether a column shows its noise at standstill: most pieces hold more than few values."""
+    moved = samples.x[samples.moving | samples.still, column]
+    least = (_ROUNDING * max(float(np.ptp(moved)), float(np.abs(moved).max()))) ** 2
+    noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
+    many = [
+        np.unique(samples.x[begin:end, column]).size > _FEW_VALUES
+        for begin, end in samples.quiet
+        if end > begin
+    ]
+    return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
+
+
+def _level(power: Floats, made: _Made, fast: float) -> Floats:
+    """Spectrum of a column from its fast changes (frequencies,), at `spectrum_frequencies`."""
+    at, wanted = frequencies(), spectrum_frequencies()
+    response = made.response(at)
+    band = (at >= fast) & (at <= min(_BAND * fast, 0.5)) & (response > 0.0)
+    level = float(np.mean(power[band] / response[band]))
+    seen = np.interp(wanted, at[1:], neighbours_mean(power, 1)[1:])
+    return np.where(wanted < fast, level * made.response(wanted), seen)
+
+
+def _growth(samples: _Samples, column: int, moving: tuple[Floats, int] | None) -> Floats:
+    """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
+    at, wanted = frequencies(), spectrum_frequencies()
+    resting = block_power(samples.x[:, column], samples.still, samples.fast)
+    if moving is None or resting is None:
+        return np.ones(wanted.size)
+    still = resting[0]
+    told = (at >= samples.fast) & (still > _STOPPED * np.nanmax(still))
+    ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
+    # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
+    error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
+    band = told & (at <= _BAND * samples.fast)
+    below = float(np.median(ratio[band])) if band.any() else 1.0
+    below = below if below > 1.0 + _MORE * error * np.sqrt(1.5 / max(band.sum(), 1)) else 1.0
+    near = np.where(told, neighbours_mean(ratio, 2), 1.0)
+    near = np.where(near > 1.0 + _MORE * error * np.sqrt(1.5 / 5.0), near, 1.0)
+    return np.where(wanted < samples.fast, below, np.interp(wanted, at, near))
+
+
+def _override(
+    found: Floats, sources: list[str], axis: Mapping[str, str], settings: NoiseSettings
+) -> None:
+    """Put white noise where the settings give one."""
+    for column, name in enumerate(axis.values()):
+        std = getattr(settings, name)
+        if std is not None:
+            found[column, :] = 0.0
+            found[:, column] = 0.0
+            found[column, column, 0] = std**2
+            sources[column] = "setting"
+
+
+def _table(names: tuple[str, ...], found: Floats, sources: list[str]) -> pl.DataFrame:
+    p = len(names)
+    rank = np.array([NOISE_SOURCES.index(source) for source in sources])
+    first, second, lag = (axis.ravel() for axis in np.indices((p, p, LAGS)))
+    return pl.DataFrame(
+        {
+            "first": np.array(names)[first],
+            "second": np.array(names)[second],
+            "lag": lag,
+            "covariance": found.ravel(),
+            # a pair is from the log where both are
+            "source": np.array(NOISE_SOURCES)[np.maximum(rank[first], rank[second])],
+        }
+    )
