@@ -16,5 +16,5 @@ class SimulatedBrakes(BaseModel):
         description="time constant with which they let go from a start's beginning; 0: at once",
     )
     release_N: float = Field(
-        default=5000.0, ge=0, le=1e6, description="drag with which such a release begins"
+        default=2000.0, ge=0, le=1e6, description="drag with which such a release begins"
     )

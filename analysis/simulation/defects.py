@@ -33,9 +33,9 @@ class SimulatedDefects(BaseModel):
         le=100,
         description="r.m.s. vibration of the accelerometer along x while the wheels turn",
     )
-    vibration_hz: float = Field(default=18.0, gt=0, le=5000, description="its frequency")
+    vibration_hz: float = Field(default=13.0, gt=0, le=5000, description="its frequency")
     vibration_bandwidth_hz: float = Field(
-        default=1.0, gt=0, le=1000, description="its bandwidth: half power to half power"
+        default=5.0, gt=0, le=1000, description="its bandwidth: half power to half power"
     )
     force_share_s2_m: float = Field(
         default=0.0,

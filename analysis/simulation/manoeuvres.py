@@ -40,7 +40,7 @@ class Start(_Manoeuvre):
         default=0.0,
         ge=0,
         le=1e6,
-        description="resistance that grows from none before the throttle is reduced, and stays",
+        description="resistance that grows from none until the throttle is shut, and stays",
     )
     digging_s: float = Field(default=1.0, gt=0, le=600, description="how long it grows")
 

@@ -130,6 +130,31 @@ def test_the_truth_beside_a_log_says_where_each_run_is_in_its_own_times(tmp_path
     assert start_s == (0.0 if suffix == "csv" else 1_700_000_000.0)
 
 
+def test_the_truth_names_the_load_of_every_start_and_the_phase_of_every_topic(tmp_path):
+    changes = Scenario.model_validate(
+        {
+            "campaign": {"loads_kg": [50], "runs": 3, "standstill_s": 0.5, "rest_s": 0},
+            "loading": {"change_kg": 100, "change_before_start": 1, "fill_kg_s": 10},
+            "sampling": {"speed_rate_hz": 20, "torque_phase_s": 0.25},
+        }
+    )
+    path = simulate(changes, tmp_path / "changes.mcap")[0]
+    truth = json.loads(path.with_name("changes.mcap.truth.json").read_text(encoding="utf-8"))
+    assert [run["mass_kg"] for run in truth["runs"]] == [3664.0, 3764.0, 3764.0]
+    starts = [each for each in truth["manoeuvres"] if each["kind"] == "start"]
+    assert [(each["load_kg"], each["load_end_kg"]) for each in starts] == [
+        (50.0, 100.0),
+        (150.0, 200.0),
+        (150.0, 200.0),
+    ]
+    found = read_back(path)
+    for name, topic in (("imu", "/imu/data"), ("torque", "/wheels/torque")):
+        first_ns = stamp_ns(found[topic][0][1]) - SHORT.log.start_unix_s * 10**9
+        assert first_ns == round(truth["phase_s"][name] * 1e9)
+    assert truth["phase_s"]["torque"] == 0.25
+    assert len(found["/wheels/speed"]) * 5 == pytest.approx(len(found["/imu/data"]), abs=5)
+
+
 def test_one_load_is_written_to_the_named_log_and_several_to_one_log_each(tmp_path):
     assert log_paths(ONE, Path("x/shift.bag")) == [Path("x/shift.bag")]
     assert log_paths(SHORT, Path("x/shift.bag")) == [

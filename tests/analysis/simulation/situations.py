@@ -52,6 +52,8 @@ MACHINE: Final[dict[str, dict[str, Any]]] = {
     "scrubbing in a turn": {"starts": {"turn_rad_s": 0.04}},
     "rotating parts": {"drivetrain": {"rotating_kg": 150.0}},
     "efficiency 90 %": {"drivetrain": {"efficiency": 0.9}},
+    "surge resonance 2 Hz": {"drivetrain": {"resonance_hz": 2.0, "resonance_damping": 0.3}},
+    "surge resonance 4 Hz": {"drivetrain": {"resonance_hz": 4.0, "resonance_damping": 0.3}},
     "power-limited motor": {"drivetrain": {"power_limit_W": 4000.0}},
     "voltage-limited motor": {"drivetrain": {"no_load_speed_m_s": 3.0}},
 }
@@ -82,7 +84,7 @@ INSTRUMENTS: Final[dict[str, dict[str, Any]]] = {
     "accelerometer +0.1 m/s²": {"sensors": {"acc_bias_m_s2": 0.1}},
     "force low-passed 50 ms": {"defects": {"force_lag_s": 0.05}},
     "force low-passed 200 ms": {"defects": {"force_lag_s": 0.2}},
-    "vibration 0.3 m/s²": {"defects": {"vibration_m_s2": 0.3, "vibration_hz": 7.0}},
+    "vibration 0.3 m/s²": {"defects": {"vibration_m_s2": 0.3}},
     "share of 0.5 falls 0.02 a m/s²": {"defects": {"force_share_s2_m": 0.04}},
     "share grows with the load": {
         "defects": {"force_share_1_kg": 1.7e-4},
@@ -102,8 +104,6 @@ HARMLESS: Final[dict[str, dict[str, Any]]] = {
     "drops 10 %": {"log": {"dropout_share": 0.1}},
     "swapped messages": {"log": {"swapped_share": 0.1}},
     "speed quantised to 0.05 m/s": {"sensors": {"speed_lsb_m_s": 0.05}},
-    "surge resonance 2 Hz": {"drivetrain": {"resonance_hz": 2.0, "resonance_damping": 0.3}},
-    "surge resonance 4 Hz": {"drivetrain": {"resonance_hz": 4.0, "resonance_damping": 0.3}},
     "boom motion": {"chassis": {"boom_kg": 200.0}},
     "coasting": _start(coast_s=2.0),
     "restless stick": {"starts": {"stick_share": 0.3}},
