@@ -11,6 +11,9 @@ _SIGNS: Final = frozenset({"opposing_share", "driving_share"})
 _COUNT: Final = "accepted_stretches"
 
 About = Literal["mass", "inertia"]
+#: What a check that fails leads to: the number withheld, its uncertainty widened, the methods that
+#: disagree withheld, or a word to the reader.
+Consequence = Literal["withhold", "widen", "method", "tell"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +28,8 @@ class Check:
         maximum: largest number that passes, likewise.
         passed: None where the check does not apply to this log.
         meaning: what the number says, in a sentence.
+        consequence: of failing.
+        remedy: the setting, or the change, that would mend it; empty where there is none.
     """
 
     check: str
@@ -34,6 +39,8 @@ class Check:
     maximum: float | None
     passed: bool | None
     meaning: str
+    consequence: Consequence = "withhold"
+    remedy: str = ""
 
     @property
     def limit(self) -> str:
@@ -78,13 +85,27 @@ class Verdict:
     def is_contradicted(self) -> bool:
         """Whether samples speak against the log: a check failed by its number, not for want."""
         return any(
-            check.passed is False and check.value is not None and check.check != _COUNT
+            check.passed is False
+            and check.consequence == "withhold"
+            and check.value is not None
+            and check.check != _COUNT
             for check in self.checks
         )
 
     def failed(self, about: About) -> tuple[Check, ...]:
         """The checks that withhold the mass, or the inertia."""
-        return tuple(c for c in self.checks if c.about == about and c.passed is False)
+        return tuple(
+            each
+            for each in self.checks
+            if each.about == about and each.passed is False and each.consequence == "withhold"
+        )
+
+    @property
+    def remarks(self) -> tuple[Check, ...]:
+        """The checks that failed and withhold nothing."""
+        return tuple(
+            each for each in self.checks if each.passed is False and each.consequence != "withhold"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values."""

@@ -39,17 +39,8 @@ def derive(
         known_ns as well, when that is known on board. What was not finite. And notes.
     """
     settings = machine.settings
-    losses: list[Loss] = []
     notes: list[str] = []
-    read: dict[str, mounting.Series] = {}
-    for name, channel in machine.channels.items():
-        topic = channel.topic or "table"
-        if channel.sources or (name in HINTS and topic not in placed):
-            continue
-        if channel.angle_of:
-            read[name] = _angle(name, channel, placed[topic], machine, losses)
-        else:
-            read[name] = _pick(name, channel, placed[topic], losses)
+    read, losses = measured(placed, machine)
     filtering = any(channel.derivative_of for channel in machine.channels.values())
     picked = _low_passed(read, settings, notes) if filtering else dict(read)
 
@@ -75,6 +66,31 @@ def derive(
         for name, known_ns in _known(read, picked, series, machine).items():
             frames[name] = frames[name].with_columns(known_ns=known_ns)
     return frames, losses, notes
+
+
+def measured(
+    placed: Mapping[str, pl.DataFrame], machine: Machine
+) -> tuple[dict[str, mounting.Series], list[Loss]]:
+    """Read every channel that comes from a topic: SI units, finite, one sample a stamp.
+
+    Args:
+        placed: by topic: unix_ns and fields; the topic of a hint may be missing.
+        machine: channels.
+
+    Returns:
+        By channel: stamps and samples, before any filter. What was not finite.
+    """
+    losses: list[Loss] = []
+    read: dict[str, mounting.Series] = {}
+    for name, channel in machine.channels.items():
+        topic = channel.topic or "table"
+        if channel.sources or (name in HINTS and topic not in placed):
+            continue
+        if channel.angle_of:
+            read[name] = _angle(name, channel, placed[topic], machine, losses)
+        else:
+            read[name] = _pick(name, channel, placed[topic], losses)
+    return read, losses
 
 
 def _low_passed(

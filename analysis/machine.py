@@ -41,13 +41,16 @@ class Body(BaseModel):
 
     name: str
     empty_mass_kg: float | None = Field(None, gt=0)
-    empty_mass_u_kg: float = Field(0.0, ge=0)
+    empty_mass_u_kg: float | None = Field(None, ge=0)
     wheel_radius_m: float | None = Field(None, gt=0)
-    wheel_radius_u_m: float = Field(0.0, ge=0)
+    wheel_radius_u_m: float | None = Field(None, ge=0)
     track_width_m: float | None = Field(None, gt=0)
-    track_width_u_m: float = Field(0.0, ge=0)
+    track_width_u_m: float | None = Field(None, ge=0)
     force_share: float = Field(1.0, gt=0, le=1)
-    force_share_u: float = Field(0.0, ge=0)
+    force_share_u: float | None = Field(None, ge=0)
+    force_gain_u: float | None = Field(None, ge=0)
+    rotating_mass_kg: float = Field(0.0, ge=0)
+    rotating_mass_u_kg: float = Field(0.0, ge=0)
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
     timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()

@@ -1,6 +1,6 @@
 """The answer: mass and inertia over the whole log by each method, unless the verdict forbids it."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 import polars as pl
@@ -14,6 +14,7 @@ from analysis.methods import METHODS, AxisNoise, LogSummary, Method
 from analysis.regressor import (
     Axis,
     X,
+    Z,
     axes,
     regressor,
     rows_of,
@@ -32,10 +33,9 @@ def masses(
     gated: pl.DataFrame,
     estimates: Mapping[str, pl.DataFrame],
     machine: Machine,
-    verdict: Verdict,
     noise: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
-    """Summarise the log, a row a method.
+    """Summarise the log, a row a method; nothing is withheld yet.
 
     Windowed methods give the weighted mean of their accepted windows, recursive ones their last
     state, `pooled` one fit over every accepted sample.
@@ -45,28 +45,47 @@ def masses(
         gated: which windows are accepted.
         estimates: `estimates` frames by method.
         machine: settings and empty mass.
-        verdict: what it forbids is withheld: every number of the x axis, or of the z axis.
         noise: of the columns, where it is known.
     """
     columns: dict[str, Floats | pl.Series] = {"method": pl.Series(list(estimates), dtype=pl.String)}
     for axis in axes(excitation):
-        told = verdict.can_weigh if axis is X else verdict.tells_inertia
         rows: dict[str, pl.DataFrame] = {
             method: rows_of(axis, frame) for method, frame in estimates.items()
         }
-        shown: dict[str, pl.DataFrame] = (
-            rows if told else {m: each.clear() for m, each in rows.items()}
-        )
         known = axis_noise(axis, machine.settings, noise)
-        totals = _totals(axis, excitation, gated, shown, machine.settings, known)
+        totals = _totals(axis, excitation, gated, rows, machine.settings, known)
         columns |= theta_columns(axis, *totals)
         suffix = "" if axis is X else "_z"
         columns[f"rows{suffix}"] = pl.Series([frame.height for frame in rows.values()])
-        columns[f"withheld{suffix}"] = pl.Series([not told] * len(rows))
+        columns[f"withheld{suffix}"] = pl.Series([False] * len(rows))
     empty_kg = machine.machine.empty_mass_kg
     table = build("masses", columns)
     payload = values(table, "mass_kg") - (np.nan if empty_kg is None else empty_kg)
     return build("masses", {**table.to_dict(), "payload_kg": payload})
+
+
+def withhold(totals: pl.DataFrame, verdict: Verdict, contradicted: Collection[str]) -> pl.DataFrame:
+    """Take out what may not be shown.
+
+    Args:
+        totals: `masses`.
+        verdict: what it forbids: every number of the x axis, or of the z axis.
+        contradicted: methods whose mass the log contradicts.
+    """
+    about_x = {*(name for pair in X.parameters for name in pair), "payload_kg"}
+    about_z = {name for pair in Z.parameters for name in pair}
+    hidden = (not verdict.can_weigh) | pl.col("method").is_in(list(contradicted))
+    columns = [
+        *(pl.when(hidden).then(None).otherwise(n).alias(n) for n in about_x if n in totals.columns),
+        hidden.alias("withheld"),
+    ]
+    if "withheld_z" in totals.columns:
+        turns = pl.lit(not verdict.tells_inertia)
+        columns += [
+            *(pl.when(turns).then(None).otherwise(n).alias(n) for n in about_z),
+            turns.alias("withheld_z"),
+        ]
+    return build("masses", totals.with_columns(columns).to_dict())
 
 
 def pooled_over_log(

@@ -214,6 +214,44 @@ class VerdictLimits(BaseModel):
     spin_centre_max_m: float = Field(
         0.1, gt=0, description="farthest that spins may turn about from the origin"
     )
+    friction_t_min: float = Field(
+        -4.0, description="least friction of the answer over its standard deviation"
+    )
+    noise_share_max: float = Field(
+        0.5, gt=0, le=1, description="largest share of noise in what the answer is fitted to"
+    )
+    lag_max_s: float = Field(0.1, gt=0, description="largest delay of the force, or of the speed")
+    gain_max: float = Field(
+        0.01, gt=0, description="largest disagreement of wheels and accelerometer that widens none"
+    )
+    scatter_max: float = Field(
+        4.0, gt=1, description="largest deviation of the starts over what their noise explains"
+    )
+    misfit_max: float = Field(
+        2.0,
+        gt=1,
+        description="largest misfit common to the starts, over its noise, that widens none",
+    )
+    curvature_t_max: float = Field(
+        6.0, gt=0, description="largest t of a force in a·|a| that widens none"
+    )
+    braking_max: float = Field(
+        0.01, gt=0, description="largest change of the mass by braking that counts as driving"
+    )
+    methods_max: float = Field(
+        3.0, gt=0, description="largest deviations of a method from the answer"
+    )
+    term_t_max: float = Field(4.0, gt=0, description="largest t of a term that is not told of")
+    frozen_max_s: float = Field(0.0, ge=0, description="longest time that channels may be frozen")
+    clipped_max: float = Field(
+        0.0, ge=0, le=1, description="largest share of a force channel's readings that clip"
+    )
+    clocks_max_s: float = Field(
+        0.1, gt=0, description="farthest that clocks may run apart over the log"
+    )
+    imu_tilt_max_deg: float = Field(
+        20.0, gt=0, le=180, description="largest angle of gravity to the machine's upward axis"
+    )
     accepted_stretches_min: int = Field(1, ge=0, description="fewest disjoint accepted stretches")
     empty_mass_ratio_min: float = Field(
         0.25, ge=0, description="least ungated mass over empty mass"

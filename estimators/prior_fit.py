@@ -175,7 +175,8 @@ def fit(
     variance = float(f[used] @ f[used]) / n
     theta = np.zeros(p)
     share, kept = 0.0, 1.0
-    correlation = np.ones(1)
+    correlation, white = np.ones(1), variance
+    bread = np.diag(precision)
     for _ in range(_ROUNDS):
         share = _noise_share(added[0].sum(axis=0), gram + variance * np.diag(precision))
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
@@ -190,10 +191,9 @@ def fit(
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     gain = bread / variance
     residual = np.where(used, f - A @ theta, 0.0)
-    meats = sum(
-        meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
-        for each, part in zip(ids, rows, strict=True)
-    )
+    meats = np.zeros((p, p))
+    for each, part in zip(ids, rows, strict=True):
+        meats += meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
     covariance = gain @ (meats * white) @ gain.T
     freedom = max(n / max(2.0 * float(correlation @ correlation) - 1.0, 1.0) - p, 1.0)
     covariance *= student_factor(freedom) ** 2

@@ -8,11 +8,11 @@ from analysis.align import notes as grid_notes
 from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
 from analysis.derive import derive
-from analysis.diagnosis import verdict
+from analysis.diagnosis import Evidence, disagreements, signals, verdict
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
-from analysis.masses import masses
+from analysis.masses import masses, withhold
 from analysis.obstacles import obstacles
 from analysis.planar import planar
 from analysis.run import Run
@@ -20,6 +20,8 @@ from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
+from analysis.weighing.loads import budget_frame, loads, nuisances
+from analysis.weighing.weigh import weigh
 from estimators.threads import one_blas_thread
 from replay.inputs import named_by_topic, provenance, read_channels
 from replay.readers import Log
@@ -27,7 +29,7 @@ from replay.readers import Log
 #: What `on_stage` is told, in order.
 STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
-    *("noise", "gate", "trace", "segments", "verdict", "planar"),
+    *("noise", "gate", "trace", "segments", "weigh", "verdict", "planar"),
 )
 
 
@@ -68,10 +70,23 @@ def run(
     estimates = trace(excitation, gated, settings, noise)
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
-    on_stage("verdict")  # what the ungated log says of all this
-    judged = verdict(excitation, gated, machine)
+    on_stage("weigh")  # the joint fit: mass with the nuisances under their priors
+    weighing = weigh(aligned, excitation, gated, noise, machine)
+    on_stage("verdict")  # what the ungated log, and that fit, say of all this
+    everything = masses(excitation, gated, estimates, machine, noise)
+    evidence = Evidence(
+        excitation,
+        gated,
+        machine,
+        weighing,
+        signals(raw, placed, machine),
+        everything,
+        t0_unix_ns,
+    )
+    judged = verdict(evidence)
     opinion = Verdict.of(judged)
-    totals = masses(excitation, gated, estimates, machine, opinion, noise)
+    contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
+    totals = withhold(everything, opinion, contradicted)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane = planar(excitation, gated, opinion, settings, noise)
 
@@ -85,6 +100,9 @@ def run(
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
             "segments": table,
             "planar": plane,
+            "loads": loads(weighing, excitation, machine, opinion),
+            "nuisances": nuisances(weighing),
+            "budget": budget_frame(weighing, machine),
             "masses": totals,
             "verdict": judged,
         },

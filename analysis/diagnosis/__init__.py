@@ -1,5 +1,8 @@
 """Diagnosis: what a log says of itself. Its one table is `analysis.diagnosis.checks.CHECKS`."""
 
 from analysis.diagnosis.checks import CHECKS, verdict
+from analysis.diagnosis.disagreement import disagreements
+from analysis.diagnosis.evidence import Evidence
+from analysis.diagnosis.signals import signals
 
-__all__ = ["CHECKS", "verdict"]
+__all__ = ["CHECKS", "Evidence", "disagreements", "signals", "verdict"]

@@ -5,7 +5,6 @@ checks look at everything that moved, each with its number and its limit. Straig
 about the mass, spins decide about the inertia.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,48 +14,17 @@ import polars as pl
 from analysis import fit_quality
 from analysis.check import About
 from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.diagnosis.fit_checks import FIT_CHECKS
+from analysis.diagnosis.row import CheckRow
+from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.gate import accepted_samples
-from analysis.machine import Machine
 from analysis.phases import beside_speed_rate
 from analysis.schema import build, values
 
 
-def _always(_: Evidence, __: Motion) -> bool:
-    return True
-
-
-@dataclass(frozen=True, slots=True)
-class CheckRow:
-    """One check.
-
-    Attributes:
-        name: in the verdict.
-        about: what it may withhold, and so which motion it looks at.
-        number: computes its number; NaN where there is nothing to tell it from.
-        minimum: the setting of `[settings.verdict]` that it must reach, if any.
-        maximum: the one that it must not exceed.
-        applies: whether this log has what it looks at.
-        meaning: what the number says, in a sentence.
-    """
-
-    name: str
-    about: About
-    number: Callable[[Evidence, Motion], float]
-    meaning: str
-    minimum: str | None = None
-    maximum: str | None = None
-    applies: Callable[[Evidence, Motion], bool] = _always
-
-
-def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> pl.DataFrame:
-    """Judge the log, a row a check; `passed` is null where a check does not apply.
-
-    Args:
-        excitation: regressors and phases.
-        gated: which windows were accepted, for the count of stretches alone.
-        machine: empty mass, limits.
-    """
-    evidence = Evidence(excitation, gated, machine)
+def verdict(evidence: Evidence) -> pl.DataFrame:
+    """Judge the log, a row a check; `passed` is null where a check does not apply."""
+    machine = evidence.machine
     motions = {"mass": evidence.straight, "inertia": evidence.spins}
     judged = [(row, motion) for row in CHECKS if (motion := motions[row.about]) is not None]
     limits = machine.settings.verdict.model_dump()
@@ -74,6 +42,8 @@ def verdict(excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine) -> 
             "minimum": numbers([limits[row.minimum] if row.minimum else None for row, _ in judged]),
             "maximum": numbers([limits[row.maximum] if row.maximum else None for row, _ in judged]),
             "meaning": [row.meaning for row, _ in judged],
+            "consequence": [row.consequence for row, _ in judged],
+            "remedy": [row.remedy for row, _ in judged],
         }
     )
     inside = (pl.col("value") >= pl.col("minimum").fill_null(-np.inf)) & (
@@ -214,6 +184,8 @@ CHECKS: Final = (
         maximum="empty_mass_ratio_max",
         applies=lambda evidence, _: evidence.machine.machine.empty_mass_kg is not None,
     ),
+    *FIT_CHECKS,
+    *SIGNAL_CHECKS,
     *_of_model(
         "inertia", _Words("spin_", "yaw acceleration", "yaw rate", "inertia", "yaw torque", "spin")
     ),

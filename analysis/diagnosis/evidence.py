@@ -9,9 +9,11 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis import fit_quality
+from analysis.diagnosis.signals import Signals
 from analysis.machine import Machine
 from analysis.phases import yaw_pace
 from analysis.regressor import Z, axes, spin, straight
+from analysis.weighing.weigh import Weighing
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -58,11 +60,25 @@ class Motion:
 
 @dataclass(frozen=True)
 class Evidence:
-    """A log as the checks see it."""
+    """A log as the checks see it.
+
+    Attributes:
+        excitation: regressors and phases.
+        gated: which windows were accepted.
+        machine: empty mass, settings.
+        weighing: the joint fit; None where nothing could be fitted.
+        signals: the channels as measured; None where only frames are at hand.
+        totals: `masses`, nothing withheld.
+        t0_unix_ns: when the first row is.
+    """
 
     excitation: pl.DataFrame
     gated: pl.DataFrame
     machine: Machine
+    weighing: Weighing | None = None
+    signals: Signals | None = None
+    totals: pl.DataFrame | None = None
+    t0_unix_ns: int = 0
 
     def has(self, *columns: str) -> bool:
         """Whether the log has all of these columns."""

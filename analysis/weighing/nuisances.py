@@ -76,7 +76,7 @@ NUISANCES: Final = (
         "lag",
         "s",
         lambda m: -m.force_rate,
-        lambda e, s: s.lag_s,
+        lambda _, s: s.lag_s,
         "how late the force is, against the motion",
         "sharper starts, or clocks that are synchronised",
     ),
@@ -84,7 +84,7 @@ NUISANCES: Final = (
         "lag_drift",
         "s",
         lambda m: -m.force_rate * m.progress,
-        lambda e, s: s.lag_drift_s,
+        lambda _, s: s.lag_drift_s,
         "how much later the force becomes over the log: clocks that drift apart",
         "clocks that are synchronised",
     ),
@@ -120,9 +120,19 @@ NUISANCES: Final = (
         "load_transfer",
         "s²/m",
         lambda m: m.acceleration * m.direction * m.force,
-        lambda e, s: s.load_transfer_s2_m,
+        lambda _, s: s.load_transfer_s2_m,
         "the measured wheels' share of the force changes with the acceleration",
         "force measured on all wheels, or starts at different throttles",
         applies=lambda e: e.force_share < 1.0,
     ),
+)
+
+#: What a check adds to see whether the force is linear in the acceleration; all but free.
+CURVATURE: Final = Nuisance(
+    "curvature",
+    "N·s⁴/m²",
+    lambda m: m.acceleration * np.abs(m.acceleration),
+    lambda _, __: 1e9,
+    "a force that is not linear in the acceleration",
+    "force measured on all wheels; brakes that are seen whole",
 )

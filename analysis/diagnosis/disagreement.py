@@ -1,0 +1,50 @@
+"""The paper's estimates against the answer: which of them the log contradicts."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.diagnosis.evidence import Evidence
+from analysis.schema import values
+
+#: So many deviations of both together contradict a method, if it matters by this share.
+_CONTRADICTS: Final = 3.0
+_MATTERS: Final = 0.01
+#: A term this many deviations from 0 is there, and a method without it is to contain the answer.
+_TERM_IS_THERE: Final = 4.0
+
+
+class Disagreement(NamedTuple):
+    """How far a method is from the answer, in deviations, and whether it is contradicted."""
+
+    method: str
+    deviations: float
+    contradicted: bool
+
+
+def disagreements(evidence: Evidence) -> list[Disagreement]:
+    """Compare every method that has a mass with the joint fit.
+
+    A method without nuisance terms says that they are 0. Where the log shows one that is not, its
+    interval must at least contain the answer.
+    """
+    weighing, totals = evidence.weighing, evidence.totals
+    if weighing is None or totals is None:
+        return []
+    fit = weighing.fit
+    found = np.abs(fit.fit.theta[2:]) / fit.fit.std[2:]
+    shows = bool((found > _TERM_IS_THERE).any())
+    out: list[Disagreement] = []
+    columns = (totals["method"].to_list(), values(totals, "mass_kg"), values(totals, "mass_std_kg"))
+    for method, mass_kg, std_kg in zip(*columns, strict=True):
+        if not np.isfinite(mass_kg):
+            continue
+        apart_kg = mass_kg - fit.mass_kg
+        if not np.isfinite(std_kg):
+            out.append(Disagreement(method, np.inf, contradicted=True))
+            continue
+        deviations = apart_kg / float(np.hypot(std_kg, fit.u_kg))
+        far = abs(deviations) > _CONTRADICTS and abs(apart_kg) > _MATTERS * abs(fit.mass_kg)
+        misses = shows and abs(apart_kg) > 1.96 * std_kg
+        out.append(Disagreement(method, float(deviations), contradicted=far or misses))
+    return out

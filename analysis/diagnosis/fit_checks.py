@@ -1,0 +1,209 @@
+"""Checks of the joint fit: what its terms found, and who disagrees with whom."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.disagreement import disagreements
+from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.diagnosis.row import CheckRow
+from analysis.weighing.kinematics import Kinematics
+from analysis.weighing.weigh import Weighing
+
+
+def _of_fit(number: Callable[[Weighing], float]) -> Callable[[Evidence, Motion], float]:
+    def of(evidence: Evidence, _: Motion) -> float:
+        return np.nan if evidence.weighing is None else number(evidence.weighing)
+
+    return of
+
+
+def _of_wheels(number: Callable[[Kinematics], float]) -> Callable[[Evidence, Motion], float]:
+    def of(evidence: Evidence, _: Motion) -> float:
+        wheels = None if evidence.weighing is None else evidence.weighing.fit.kinematics
+        return np.nan if wheels is None else number(wheels)
+
+    return of
+
+
+def _fitted(evidence: Evidence, _: Motion) -> bool:
+    return evidence.weighing is not None
+
+
+def _has_wheels(evidence: Evidence, _: Motion) -> bool:
+    return evidence.weighing is not None and evidence.weighing.fit.kinematics is not None
+
+
+def _term(name: str) -> Callable[[Weighing], float]:
+    """How many deviations of what the log tells a term is from 0."""
+
+    def of(weighing: Weighing) -> float:
+        names = [term.name for term in weighing.fit.terms]
+        if name not in names:
+            return np.nan
+        at = 2 + names.index(name)
+        return float(abs(weighing.fit.fit.theta[at]) / weighing.fit.fit.std[at])
+
+    return of
+
+
+def _has_term(name: str) -> Callable[[Evidence, Motion], bool]:
+    def of(evidence: Evidence, _: Motion) -> bool:
+        weighing = evidence.weighing
+        return weighing is not None and name in [term.name for term in weighing.fit.terms]
+
+    return of
+
+
+def _lag_s(weighing: Weighing) -> float:
+    names = [term.name for term in weighing.fit.terms]
+    return abs(float(weighing.fit.fit.theta[2 + names.index("lag")]))
+
+
+def _relative_u(weighing: Weighing) -> float:
+    mass_kg = weighing.fit.mass_kg
+    return weighing.fit.u_kg / mass_kg if mass_kg > 0 else np.inf
+
+
+def _friction_t(weighing: Weighing) -> float:
+    return float(weighing.fit.fit.theta[1] / weighing.fit.fit.std[1])
+
+
+def _braking(weighing: Weighing) -> float:
+    return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
+
+
+def _most_disagreement(evidence: Evidence, _: Motion) -> float:
+    return max((abs(each.deviations) for each in disagreements(evidence)), default=0.0)
+
+
+def _told(name: str, meaning: str) -> CheckRow:
+    """A term that the fit has: its check tells that it is there."""
+    return CheckRow(
+        name,
+        "mass",
+        _of_fit(_term(name)),
+        meaning,
+        maximum="term_t_max",
+        applies=_has_term(name),
+        consequence="tell",
+        remedy="the fit has the term; mending its cause would narrow the answer",
+    )
+
+
+FIT_CHECKS: Final = (
+    CheckRow(
+        "relative_u",
+        "mass",
+        _of_fit(_relative_u),
+        "standard uncertainty of the answer over the answer",
+        maximum="relative_std_max",
+        applies=_fitted,
+        remedy="more starts at different throttles and both ways, or narrower settings.priors",
+    ),
+    CheckRow(
+        "friction_sign",
+        "mass",
+        _of_fit(_friction_t),
+        "viscous friction of the answer over its deviation: friction does not drive",
+        minimum="friction_t_min",
+        applies=_fitted,
+        remedy="channels.speed_x_m_s.scale, channels.force_x_N.scale: a sign or a unit is wrong",
+    ),
+    CheckRow(
+        "channel_noise",
+        "mass",
+        _of_fit(lambda weighing: weighing.fit.fit.noise_share),
+        "largest share of noise in what the answer is fitted to",
+        maximum="noise_share_max",
+        applies=_fitted,
+        remedy="an accelerometer, a lower settings.filter.cutoff_hz, or stronger starts",
+    ),
+    CheckRow(
+        "lag",
+        "mass",
+        _of_fit(_lag_s),
+        "seconds that the force is late or early: more is beyond its prior",
+        maximum="lag_max_s",
+        applies=_fitted,
+        remedy="channels.force_x_N.delay_s (or of both torques)",
+    ),
+    CheckRow(
+        "lag_v",
+        "mass",
+        _of_wheels(lambda wheels: abs(wheels.delay_s[0])),
+        "seconds that the speed is late or early against the accelerometer",
+        maximum="lag_max_s",
+        applies=_has_wheels,
+        remedy="channels.speed_x_m_s.delay_s",
+    ),
+    CheckRow(
+        "gain",
+        "mass",
+        _of_wheels(lambda wheels: abs(wheels.gain[0]) if wheels.gain_counts else 0.0),
+        "disagreement of wheels and accelerometer, as a share: either may be wrong",
+        maximum="gain_max",
+        applies=_has_wheels,
+        consequence="widen",
+        remedy="machine.wheel_radius_m, machine.imu, or channels.specific_force_x_m_s2.scale",
+    ),
+    CheckRow(
+        "scatter",
+        "mass",
+        _of_fit(lambda weighing: weighing.fit.fit.scatter_ratio),
+        "deviation of the starts' masses over what their noise explains: the load may have changed",
+        maximum="scatter_max",
+        applies=lambda evidence, _: (
+            evidence.weighing is not None and evidence.weighing.fit.fit.groups > 1
+        ),
+        remedy="replay the loads apart",
+    ),
+    CheckRow(
+        "misfit",
+        "mass",
+        _of_fit(lambda weighing: weighing.fit.fit.misfit_ratio),
+        "what all starts miss in common, in mean square over its noise",
+        maximum="misfit_max",
+        applies=lambda evidence, _: (
+            evidence.weighing is not None and evidence.weighing.fit.fit.groups > 2
+        ),
+        consequence="widen",
+        remedy="filters, brakes or tyres that the equation does not have",
+    ),
+    CheckRow(
+        "aa",
+        "mass",
+        _of_fit(lambda weighing: abs(weighing.curvature_t)),
+        "deviations from 0 of a force in a·|a|: the force is not linear in the acceleration",
+        maximum="curvature_t_max",
+        applies=_fitted,
+        consequence="widen",
+        remedy="force measured on all wheels, machine.force_share",
+    ),
+    CheckRow(
+        "braking",
+        "mass",
+        _of_fit(_braking),
+        "by how much braking would move the mass, as a share: the force may not see all brakes",
+        maximum="braking_max",
+        applies=lambda evidence, _: (
+            evidence.weighing is not None and bool(np.isfinite(evidence.weighing.braking_kg))
+        ),
+        consequence="widen",
+        remedy="settings.gate.exclude_braking = true",
+    ),
+    CheckRow(
+        "methods",
+        "mass",
+        _most_disagreement,
+        "deviations between the answer and the method that is farthest from it",
+        maximum="methods_max",
+        applies=lambda evidence, motion: _fitted(evidence, motion) and evidence.totals is not None,
+        consequence="method",
+        remedy="none: those methods have no nuisance terms, and are not shown",
+    ),
+    _told("const", "deviations from 0 of a constant force: offset, tilt, slope or friction"),
+    _told("quadratic", "deviations from 0 of a resistance in v·|v|"),
+    _told("direction", "deviations from 0 of Coulomb friction"),
+)

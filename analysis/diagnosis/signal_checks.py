@@ -1,0 +1,89 @@
+"""Checks of the signals as they were measured, before any low-pass."""
+
+from typing import Final
+
+import numpy as np
+
+from analysis import fit_quality
+from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.diagnosis.row import CheckRow
+from analysis.mounting_guess import gravity_tilt_deg
+
+
+def _raw_opposing_share(evidence: Evidence, motion: Motion) -> float:
+    """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
+    if evidence.signals is None:
+        return np.nan
+    unix_ns = evidence.excitation["t_ns"].to_numpy() + evidence.t0_unix_ns
+    force = evidence.signals.force_on(unix_ns)
+    if force is None:
+        return np.nan
+    return 1.0 - fit_quality.along_share(motion.speed, force, motion.braking)
+
+
+def _has_signals(evidence: Evidence, _: Motion) -> bool:
+    return evidence.signals is not None
+
+
+def _tilt(evidence: Evidence, _: Motion) -> float:
+    return gravity_tilt_deg(evidence.excitation, evidence.machine)
+
+
+def _apart_s(evidence: Evidence, _: Motion) -> float:
+    return np.nan if evidence.signals is None else evidence.signals.apart_s
+
+
+SIGNAL_CHECKS: Final = (
+    CheckRow(
+        "raw_opposing_share",
+        "mass",
+        _raw_opposing_share,
+        "share of the decelerating samples whose force, before any filter, opposes the motion",
+        minimum="opposing_share_min",
+        applies=lambda evidence, motion: (
+            _has_signals(evidence, motion)
+            and bool(motion.braking.any())
+            and bool(np.isfinite(_raw_opposing_share(evidence, motion)))
+        ),
+        remedy="a force with its sign: motor currents often have none",
+    ),
+    CheckRow(
+        "frozen",
+        "mass",
+        lambda evidence, _: np.nan if evidence.signals is None else evidence.signals.frozen_s,
+        "seconds for which a channel repeats itself while another one changes",
+        maximum="frozen_max_s",
+        applies=_has_signals,
+        remedy="leave the stretch out, or mend the sensor",
+    ),
+    CheckRow(
+        "clipped",
+        "mass",
+        lambda evidence, _: np.nan if evidence.signals is None else evidence.signals.clipped_share,
+        "share of a force channel's readings that pile up at its extreme",
+        maximum="clipped_max",
+        applies=_has_signals,
+        remedy="settings.gate.saturation_force_N: the force where the sensor clips",
+    ),
+    CheckRow(
+        "clocks",
+        "mass",
+        _apart_s,
+        "seconds that two topics' clocks run apart over the log, by header stamps and log times",
+        maximum="clocks_max_s",
+        applies=_has_signals,
+        remedy="clocks that are synchronised, or a shorter log",
+    ),
+    CheckRow(
+        "imu_tilt",
+        "mass",
+        _tilt,
+        "degrees from gravity at standstill to the machine's upward axis",
+        maximum="imu_tilt_max_deg",
+        applies=lambda evidence, motion: (
+            evidence.machine.settings.forces.acceleration == "specific_force"
+            and bool(np.isfinite(_tilt(evidence, motion)))
+        ),
+        remedy="machine.imu: payscope init proposes roll, pitch and yaw",
+    ),
+)

@@ -1,0 +1,127 @@
+"""The channels as they were measured, before any filter: signs, frozen and clipped readings."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.clocks import RelativeDrift, clock_drifts, relative_drift
+from analysis.derive import measured
+from analysis.machine import Machine
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Series = tuple[Ints, Floats]
+
+#: What may freeze or clip.
+_FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
+_MOTION: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s", "specific_force_x_m_s2")
+#: A reading that repeats for longer is frozen, if another channel changes meanwhile
+_FROZEN_S: Final = 0.3
+#: by this share of its range.
+_CHANGES: Final = 0.15
+#: Clipped readings pile up: so many times the next value's number, and at least so many.
+_PILE: Final = 4
+_LEAST_PILE: Final = 20
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Raw channels.
+
+    Attributes:
+        channels: by name: unix stamps in ns and readings in SI units, not filtered.
+        drift: the two clocks that run apart most clearly, None where that cannot be told.
+        span_s: how long the log is.
+    """
+
+    channels: Mapping[str, Series]
+    drift: RelativeDrift | None
+    span_s: float
+
+    @property
+    def apart_s(self) -> float:
+        """How far the clocks run apart over the log, 0 where that is within its noise."""
+        if self.drift is None or self.drift.drift_ppm < 5.0 * self.drift.drift_std_ppm:
+            return 0.0
+        return self.drift.drift_ppm * 1e-6 * self.span_s
+
+    @property
+    def frozen_s(self) -> float:
+        """For how long a force or motion channel repeats itself while another one changes."""
+        looked = {n: s for n, s in self.channels.items() if n in (*_FORCES, *_MOTION)}
+        return max((_frozen_s(name, looked) for name in looked), default=0.0)
+
+    @property
+    def clipped_share(self) -> float:
+        """The largest share of a force channel's readings that pile up at its extreme."""
+        return max(
+            (_clipped(x) for name, (_, x) in self.channels.items() if name in _FORCES), default=0.0
+        )
+
+    def force_on(self, unix_ns: Ints) -> Floats | None:
+        """The unfiltered force, or the sum of both torques; None where it is derived."""
+        names = [name for name in _FORCES if name in self.channels]
+        if not names:
+            return None
+        return np.sum([_at(*self.channels[name], unix_ns) for name in names], axis=0)
+
+
+def signals(
+    raw: Mapping[str, pl.DataFrame], placed: Mapping[str, pl.DataFrame], machine: Machine
+) -> Signals:
+    """Take the raw channels of a log.
+
+    Args:
+        raw: by topic, with log times and header stamps.
+        placed: by topic, with the stamps that place it.
+        machine: channels.
+    """
+    channels, _ = measured(placed, machine)
+    span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
+    return Signals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
+
+
+def _at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
+    origin = t_ns[0]
+    return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
+
+
+def _frozen_s(name: str, channels: Mapping[str, Series]) -> float:
+    t, x = channels[name]
+    edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
+    ends = np.append(edges[1:], x.size) - 1
+    long = (t[ends] - t[edges]) > _FROZEN_S * 1e9
+    # a machine that stands has no speed
+    long &= ~(np.char.startswith(name, "speed") & (x[edges] == 0.0))
+    total = 0.0
+    for begin, end in zip(t[edges[long]], t[ends[long]], strict=True):
+        if any(_changes(other, begin, end) for key, other in channels.items() if key != name):
+            total += float(end - begin) / 1e9
+    return total
+
+
+def _changes(series: Series, begin_ns: int, end_ns: int) -> bool:
+    """Whether a channel changes from one half of a stretch to the other."""
+    t, x = series
+    part = x[(t >= begin_ns) & (t <= end_ns)]
+    if part.size < 4:
+        return False
+    half = part.size // 2
+    width = float(np.quantile(x, 0.98) - np.quantile(x, 0.02))
+    return abs(float(part[:half].mean() - part[half:].mean())) > _CHANGES * width > 0.0
+
+
+def _clipped(x: Floats) -> float:
+    values, counts = np.unique(x, return_counts=True)
+    if values.size < 10:
+        return 0.0
+    piles = [
+        int(counts[end])
+        for end, next_one in ((0, 1), (-1, -2))
+        if counts[end] >= max(_LEAST_PILE, _PILE * counts[next_one]) and values[end] != 0.0
+    ]
+    return max(piles, default=0) / x.size

@@ -1,0 +1,171 @@
+"""What the mass' uncertainty is made of: the fit's parts, and what no log can tell (its scale)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.machine import Machine
+from analysis.weighing.nuisances import NUISANCES
+from analysis.weighing.weigh import Weighing
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where uncertainty comes from.
+
+    Attributes:
+        name: of the source.
+        kind: random (more starts average it out), common (to the log) or scale (no log tells it).
+        u_kg: standard uncertainty of the mass; None where it is not known.
+        meaning: what it is.
+        shrinks: what would shrink it.
+    """
+
+    name: str
+    kind: str
+    u_kg: float | None
+    meaning: str
+    shrinks: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    kind: str
+    meaning: str
+    shrinks: str
+
+
+#: Of the fit, besides the priors.
+_PARTS: Final = {
+    "noise": _Part("random", "noise of this log, through its residuals", "more starts"),
+    "scatter": _Part(
+        "random", "starts that disagree with each other", "more starts; a load that does not change"
+    ),
+    "misfit": _Part(
+        "common",
+        "what every start has in common and the model misses",
+        "finding its cause: filters, brakes, tyres",
+    ),
+    "channel_noise": _Part(
+        "common",
+        "noise of speed and acceleration, known to a quarter",
+        "a quieter accelerometer, or settings.noise",
+    ),
+    "speed_delay": _Part(
+        "common", "delay of the speed behind the accelerometer", "topics with one clock"
+    ),
+    "gain": _Part(
+        "common",
+        "wheels and accelerometer disagree, and the log cannot say which is wrong",
+        "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
+    ),
+    "curvature": _Part(
+        "common",
+        "a force that is not linear in the acceleration",
+        "force measured on all wheels; brakes that are seen whole",
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """A factor of the force that the machine file states."""
+
+    name: str
+    applies: Callable[[Machine], bool]
+    relative: Callable[[Machine], float | None]
+    setting: str
+    meaning: str
+
+
+def _by_torque(machine: Machine) -> bool:
+    return "force_x_N" not in machine.channels
+
+
+def _radius(machine: Machine) -> float | None:
+    body = machine.machine
+    if body.wheel_radius_u_m is None or body.wheel_radius_m is None:
+        return None
+    return body.wheel_radius_u_m / body.wheel_radius_m
+
+
+def _share(machine: Machine) -> float | None:
+    body = machine.machine
+    return None if body.force_share_u is None else body.force_share_u / body.force_share
+
+
+_SCALES: Final = (
+    _Scale(
+        "force_gain",
+        lambda _: True,
+        lambda machine: machine.machine.force_gain_u,
+        "machine.force_gain_u",
+        "gain of the force or torque sensors",
+    ),
+    _Scale(
+        "force_share",
+        lambda machine: machine.machine.force_share < 1.0,
+        _share,
+        "machine.force_share_u",
+        "share of the force on the measured wheels",
+    ),
+    _Scale("wheel_radius", _by_torque, _radius, "machine.wheel_radius_u_m", "radius of the wheels"),
+)
+
+
+def budget(weighing: Weighing, machine: Machine) -> list[Source]:
+    """Every source of the mass' uncertainty, the largest first, the unknown ones last."""
+    fit, body = weighing.fit, machine.machine
+    priors = {term.name: term for term in NUISANCES}
+    sources: list[Source] = []
+    for name, u_kg in {**fit.parts_kg, **curvature(weighing)}.items():
+        if name in priors:
+            term = priors[name]
+            sources.append(Source(name, "common", u_kg, term.meaning, term.shrinks))
+        elif u_kg > 0.0:
+            part = _PARTS[name]
+            sources.append(Source(name, part.kind, u_kg, part.meaning, part.shrinks))
+    for scale in _SCALES:
+        if scale.applies(machine):
+            relative = scale.relative(machine)
+            sources.append(
+                Source(
+                    scale.name,
+                    "scale",
+                    None if relative is None else relative * abs(fit.mass_kg),
+                    scale.meaning,
+                    f"known loads; {scale.setting} states what is known",
+                )
+            )
+    if body.rotating_mass_u_kg:
+        sources.append(
+            Source(
+                "rotating_mass",
+                "scale",
+                body.rotating_mass_u_kg,
+                "wheels and motors that turn as the machine gains speed",
+                "known loads, or the drawings of the driveline",
+            )
+        )
+    return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
+
+
+def curvature(weighing: Weighing) -> dict[str, float]:
+    """What a force that is not linear in the acceleration costs, where it shows."""
+    t, kg = weighing.curvature_t, weighing.curvature_kg
+    shows = abs(t) > 6.0 and abs(kg) > 0.01 * abs(weighing.fit.mass_kg)
+    return {"curvature": abs(kg)} if shows else {}
+
+
+def unknown_scale(sources: list[Source]) -> list[str]:
+    """The sources that the machine file should state and does not."""
+    return [source.name for source in sources if source.u_kg is None]
+
+
+def combined(sources: list[Source], *kinds: str) -> float:
+    """The root sum of squares of the sources of some kinds, or of all, in kg."""
+    return float(
+        np.sqrt(sum(s.u_kg**2 for s in sources if s.u_kg and (not kinds or s.kind in kinds)))
+    )

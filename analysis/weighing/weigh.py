@@ -1,0 +1,103 @@
+"""Weigh a log: the joint fit, how it bears other priors, and whether braking goes with driving."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.column_noise import ColumnNoise
+from analysis.machine import Machine
+from analysis.regressor import X
+from analysis.settings import PriorSettings
+from analysis.weighing.equation import Equation, equation
+from analysis.weighing.joint_fit import JointFit, joint_fit
+from analysis.weighing.nuisances import CURVATURE
+
+#: Braking is left out when it moves the mass by so many standard uncertainties.
+_DISAGREES: Final = 3.0
+#: And by this share of it.
+_MATTERS: Final = 0.005
+#: Fewer samples are not fitted.
+_FEWEST: Final = 100
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """What the joint fit says of a log.
+
+    Attributes:
+        fit: of the answer.
+        halved_kg: the mass with priors half as wide.
+        doubled_kg: the mass with priors twice as wide.
+        braking_kg: by how much braking would move the mass; NaN where it does not count as driving.
+        braking_left_out: whether it disagreed and is left out.
+        curvature_t: how many deviations a term in a·|a| is from 0.
+        curvature_kg: how far it would move the mass.
+    """
+
+    fit: JointFit
+    halved_kg: float
+    doubled_kg: float
+    braking_kg: float
+    braking_left_out: bool
+    curvature_t: float
+    curvature_kg: float
+
+
+def weigh(
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    noise: pl.DataFrame,
+    machine: Machine,
+) -> Weighing | None:
+    """Fit the manoeuvres that the gate found informative; None where there are too few samples.
+
+    Args:
+        aligned: the grid, before the moving mean.
+        excitation: the phases of motion.
+        gated: which windows are accepted.
+        noise: of the columns.
+        machine: wheels, settings, priors.
+    """
+    settings, priors = machine.settings, machine.settings.priors
+    columns = ColumnNoise.of(X, noise, settings.noise)
+    if columns is None:
+        return None
+
+    def motion(*, braking: bool) -> Equation:
+        return equation(aligned, excitation, gated, machine, columns, braking=braking)
+
+    whole = motion(braking=True)
+    if whole.used.sum() < _FEWEST:
+        return None
+    fit = joint_fit(whole, columns, priors)
+    braking_kg, left_out = float("nan"), False
+    if not settings.gate.exclude_braking:
+        driving = motion(braking=False)
+        if driving.used.sum() >= _FEWEST:
+            alone = joint_fit(driving, columns, priors)
+            braking_kg = fit.mass_kg - alone.mass_kg
+            allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
+            left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
+            fit = alone if left_out else fit
+
+    def again(times: float) -> float:
+        return joint_fit(fit.motion, columns, _scaled(priors, times)).mass_kg
+
+    curved = joint_fit(fit.motion, columns, priors, (CURVATURE,)).fit
+    return Weighing(
+        fit,
+        again(0.5),
+        again(2.0),
+        braking_kg,
+        left_out,
+        float(curved.theta[-1] / curved.std[-1]),
+        float(curved.theta[0] - fit.fit.theta[0]),
+    )
+
+
+def _scaled(priors: PriorSettings, times: float) -> PriorSettings:
+    """The priors with other widths."""
+    return priors.model_copy(update={n: v * times for n, v in priors.model_dump().items()})
