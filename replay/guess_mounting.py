@@ -22,6 +22,7 @@ _AXES: Final = ("specific_force_x_m_s2", "specific_force_y_m_s2", "specific_forc
 _SIDES: Final = ("speed_left_m_s", "speed_right_m_s")
 #: So much of a log is looked at.
 _LOOK_NS: Final = 600 * 10**9
+_LARGEST: Final = 1e6
 
 
 def mounting_lines(log: Log, sources: Mapping[str, Source]) -> list[str]:
@@ -91,5 +92,6 @@ def _read(log: Log, sources: list[Source]) -> tuple[Ints, Floats]:
     read = log.read(topic, fields, end_ns=start_ns + _LOOK_NS)
     placed = place({topic: read})[0][topic].unique("unix_ns", keep="last", maintain_order=True)
     x = np.stack([placed[field].cast(pl.Float64).to_numpy() for field in fields], axis=1)
-    finite = np.isfinite(x).all(axis=1)
+    # not finite, or no reading of a machine in any unit
+    finite = (np.abs(x) < _LARGEST).all(axis=1)
     return placed["unix_ns"].to_numpy()[finite], x[finite]
