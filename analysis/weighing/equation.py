@@ -17,6 +17,7 @@ from analysis.gate import accepted_samples, braking_within_sight
 from analysis.machine import Machine
 from analysis.schema import values
 from analysis.segments import manoeuvres
+from analysis.windows import windows_with
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -120,14 +121,15 @@ def equation(
     known &= ~aligned["gap"].to_numpy()
     group = _fitted(excitation, gated, machine, braking=braking)
     filtered = any(channel.derivative_of for channel in machine.channels.values())
+    mixed = _MIXED_FILTERED if filtered else _MIXED
     group = _from_break_away(
         group,
         np.where(known, speed, 0.0),
         max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S),
         round(_LOOK_BACK_S * settings.align.rate_hz),
-        _MIXED_FILTERED if filtered else _MIXED,
+        mixed,
     )
-    group = _runs(np.where(known, group, -1))
+    group = _runs(np.where(known, group, -1), np.where(known, speed, 0.0), mixed)
     measured = _column(aligned, "specific_force_x_m_s2", known)
     pitch = _column(aligned, "pitch_rad", known)
     level = None
@@ -190,8 +192,13 @@ def _from_break_away(
     return grown
 
 
-def _runs(group: Ints) -> Ints:
-    """Number the stretches of adjoining samples: a start each, also where braking is driving."""
+def _runs(group: Ints, speed: Floats, mixed: int) -> Ints:
+    """Number the stretches of adjoining samples that move one way; at a reversal friction turns."""
+    used = group >= 0
+    forwards = np.convolve(speed, np.ones(3) / 3.0, "same") > 0.0
+    turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
+    near = windows_with(turns, mixed) | windows_with(turns[::-1], mixed + 1)[::-1]
+    group = np.where(used & ~near, 2 * group + forwards, -1)
     begins = (group >= 0) & (np.append(-1, group[:-1]) != group)
     return np.where(group >= 0, np.cumsum(begins) - 1, -1).astype(np.int64)
 
