@@ -11,6 +11,8 @@ from analysis.fingerprint import Fingerprint
 from analysis.run import Loss, Run
 from analysis.windows import samples_of
 
+#: What the joint fit is called among the methods.
+JOINT: Final = "joint"
 #: Columns of `masses` that say how a row came about rather than what it says.
 _ABOUT: Final = ("method", "rows", "rows_z", "withheld", "withheld_z")
 
@@ -44,17 +46,28 @@ class AnswerRow:
         return any(value is not None for value in self.quantities.get(quantity, {}).values())
 
     @classmethod
-    def of(cls, masses: pl.DataFrame) -> "AnswerRow":
-        """Read the frame `masses`."""
+    def of(cls, masses: pl.DataFrame, load: Mapping[str, Any] | None = None) -> "AnswerRow":
+        """Read the frame `masses`, and a row of `loads` as the method `joint` before them."""
         rows = {row["method"]: row for row in masses.to_dicts()}
+        if load is not None:
+            joint = dict.fromkeys(masses.columns) | {
+                "mass_kg": load["mass_kg"],
+                "mass_std_kg": load["u_kg"],
+                "payload_kg": load["payload_kg"],
+                "friction_x_N_s_m": load["friction_x_N_s_m"],
+                "friction_x_std_N_s_m": load["friction_x_std_N_s_m"],
+                "rows": load["manoeuvres"],
+                "withheld": load["withheld"],
+            }
+            rows = {JOINT: joint, **rows}
         return cls(
             {
                 name: {method: row[name] for method, row in rows.items()}
                 for name in masses.columns
                 if name not in _ABOUT
             },
-            {method: row["rows"] for method, row in rows.items()},
-            withheld=any(row["withheld"] for row in rows.values()),
+            {method: int(row["rows"] or 0) for method, row in rows.items()},
+            withheld=bool(rows) and all(row["withheld"] for row in rows.values()),
         )
 
 
@@ -64,6 +77,9 @@ class Answer:
 
     Attributes:
         rows: a row a load; one today, none of a run without masses.
+        loads: the answer by load: mass, payload and their uncertainties, or the reason for none.
+        nuisances: what the fit allows besides mass and friction: prior and posterior.
+        budget: where the uncertainty comes from, the largest first.
         planar: the arc and joint fits, as the frame has them.
         accepted_share: share of the samples that lie in an accepted window.
         verdict: whether the log can weigh, check by check.
@@ -74,6 +90,9 @@ class Answer:
     """
 
     rows: tuple[AnswerRow, ...]
+    loads: Sequence[Mapping[str, Any]]
+    nuisances: Sequence[Mapping[str, Any]]
+    budget: Sequence[Mapping[str, Any]]
     planar: Sequence[Mapping[str, Any]]
     accepted_share: float
     verdict: Verdict
@@ -86,7 +105,10 @@ class Answer:
         """The same as plain JSON values; the quantities of one load stand at the top."""
         one = self.rows[0].quantities if len(self.rows) == 1 else {}
         return {
+            "loads": [dict(row) for row in self.loads],
             **{name: dict(by_method) for name, by_method in one.items()},
+            "nuisances": [dict(row) for row in self.nuisances],
+            "budget": [dict(row) for row in self.budget],
             "planar": [dict(row) for row in self.planar],
             "accepted_share": self.accepted_share,
             "verdict": self.verdict.to_dict(),
@@ -107,9 +129,13 @@ def answer(run: Run, recording: str | None = None) -> Answer:
     if gated is not None and gated.height and "accepted_x" in gated.columns:
         window = about.settings.gate.window_samples
         share = float(samples_of(gated["accepted_x"].to_numpy(), window).mean())
+    loads = _rows(run, "loads")
     return Answer(
-        rows=() if masses is None else (AnswerRow.of(masses),),
-        planar=frames["planar"].to_dicts() if "planar" in frames else [],
+        rows=() if masses is None else (AnswerRow.of(masses, next(iter(loads), None)),),
+        loads=loads,
+        nuisances=_rows(run, "nuisances"),
+        budget=_rows(run, "budget"),
+        planar=_rows(run, "planar"),
         accepted_share=share,
         verdict=Verdict() if judged is None else Verdict.of(judged),
         losses=about.losses,
@@ -117,3 +143,7 @@ def answer(run: Run, recording: str | None = None) -> Answer:
         fingerprint=about.fingerprint,
         recording=recording,
     )
+
+
+def _rows(run: Run, frame: str) -> list[dict[str, Any]]:
+    return run.frames[frame].to_dicts() if frame in run.frames else []

@@ -238,9 +238,7 @@ class VerdictLimits(BaseModel):
     braking_max: float = Field(
         0.01, gt=0, description="largest change of the mass by braking that counts as driving"
     )
-    methods_max: float = Field(
-        3.0, gt=0, description="largest deviations of a method from the answer"
-    )
+    methods_max: int = Field(0, ge=0, description="most methods that the answer contradicts")
     term_t_max: float = Field(4.0, gt=0, description="largest t of a term that is not told of")
     frozen_max_s: float = Field(0.0, ge=0, description="longest time that channels may be frozen")
     clipped_max: float = Field(

@@ -337,7 +337,15 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "coulomb_x_N coulomb_x_std_N payload_kg inertia_z_kg_m2 inertia_z_std_kg_m2 "
             "friction_z_N_m_s friction_z_std_N_m_s rows rows_z withheld withheld_z"
         ),
-        "verdict": "check about value minimum maximum passed meaning",
+        "loads": (
+            "load_id start_t_ns end_t_ns manoeuvres mass_kg u_kg u_random_kg u_common_kg "
+            "payload_kg payload_u_kg friction_x_N_s_m friction_x_std_N_s_m "
+            "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
+            "scale_unknown withheld reason"
+        ),
+        "nuisances": "term unit prior_std posterior posterior_std u_kg meaning",
+        "budget": "source kind u_kg share_1 meaning shrinks",
+        "verdict": "check about value minimum maximum passed consequence remedy meaning",
         "calibration": (
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "
             "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"

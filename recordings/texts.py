@@ -15,6 +15,7 @@ from analysis.stamps import FIRST_DATE_NS
 from recordings.display import span_ns
 from recordings.planar_text import planar, planar_lines
 from recordings.wording import number, plus_minus, table
+from recordings.worth_text import budget_rows, load_lines
 
 _NS: Final = 10**9
 _MASS: Final = ("mass_kg", "mass_std_kg")
@@ -68,18 +69,24 @@ def headline(said: Answer) -> str:
     failed = said.verdict.failed("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
+    for load in said.loads:
+        if load["mass_kg"] is not None:
+            scale = ", scale not known" if load["scale_unknown"] else ""
+            return f"{plus_minus(load['mass_kg'], load['u_kg'])} kg (standard uncertainty{scale})"
     for row in said.rows:
         known = [method for method in row.methods if row.value("mass_kg", method) is not None]
         if known:
             best = "pooled" if "pooled" in known else known[0]
-            return f"{_of(row, best, *_MASS)} kg ({best}, one standard deviation)"
+            return f"{_of(row, best, *_MASS)} kg ({best}, statistical standard deviation)"
     return "No window of this log was accepted: there is no mass."
 
 
 def summary(run: Run) -> str:
     """The answer in plain lines, the headline first."""
     about, said = run.provenance, answer(run)
-    lines = [headline(said), f"{recording_name(about)} · {local_time(about)}", ""]
+    lines = [headline(said), f"{recording_name(about)} · {local_time(about)}"]
+    lines += [line for load in said.loads for line in load_lines(load)[1:]]
+    lines += [""]
     for row in said.rows:
         for method in row.methods:
             mass = "withheld" if row.withheld else f"{_of(row, method, *_MASS)} kg"
@@ -112,6 +119,7 @@ def answer_text(run: Run) -> str:
                 for check in failed
             )
         )
+    parts += _worth(said)
     for row in said.rows:
         parts += _masses(row)
     if lines := planar_lines(said.planar):
@@ -212,7 +220,24 @@ def _masses(row: AnswerRow) -> list[str]:
         for method in row.methods
     ]
     heads = ("method", *(head for head, _, _ in shown), "estimates")
-    return ["## Over the whole log (± one standard deviation)", table(heads, rows)]
+    return [
+        "## By method over the whole log",
+        "joint is the answer; the others are the paper's, and their ± is statistical only",
+        table(heads, rows),
+    ]
+
+
+def _worth(said: Answer) -> list[str]:
+    """What the answer is worth: other priors, budget, priors and posteriors."""
+    if not any(load["mass_kg"] is not None for load in said.loads):
+        return []
+    parts = ["\n".join(f"- {line}" for load in said.loads for line in load_lines(load))]
+    heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
+    parts += ["## Where the uncertainty comes from", table(heads, budget_rows(said))]
+    columns = ("term", "prior_std", "posterior", "posterior_std", "unit", "u_kg", "meaning")
+    rows = [tuple(row[name] for name in columns) for row in said.nuisances]
+    heads = ("term", "prior ±", "posterior", "±", "unit", "u of the mass (kg)", "what it is")
+    return [*parts, "## What the fit allows besides mass and friction", table(heads, rows)]
 
 
 def _verdict(verdict: Verdict) -> list[str]:

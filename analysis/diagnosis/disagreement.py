@@ -10,7 +10,7 @@ from analysis.schema import values
 #: So many deviations of both together contradict a method, if it matters by this share.
 _CONTRADICTS: Final = 3.0
 _MATTERS: Final = 0.01
-#: A term this many deviations from 0 is there, and a method without it is to contain the answer.
+#: A term this many deviations from 0 is there.
 _TERM_IS_THERE: Final = 4.0
 
 
@@ -26,14 +26,15 @@ def disagreements(evidence: Evidence) -> list[Disagreement]:
     """Compare every method that has a mass with the joint fit.
 
     A method without nuisance terms says that they are 0. Where the log shows one that is not, its
-    interval must at least contain the answer.
+    interval must at least contain the answer's; likewise where starts disagree, since then its
+    deviation, which is of noise alone, is too small.
     """
     weighing, totals = evidence.weighing, evidence.totals
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
     found = np.abs(fit.fit.theta[2:]) / fit.fit.std[2:]
-    shows = bool((found > _TERM_IS_THERE).any())
+    shows = bool((found > _TERM_IS_THERE).any() or fit.fit.scatter.any() or fit.fit.misfit.any())
     out: list[Disagreement] = []
     columns = (totals["method"].to_list(), values(totals, "mass_kg"), values(totals, "mass_std_kg"))
     for method, mass_kg, std_kg in zip(*columns, strict=True):
@@ -45,6 +46,6 @@ def disagreements(evidence: Evidence) -> list[Disagreement]:
             continue
         deviations = apart_kg / float(np.hypot(std_kg, fit.u_kg))
         far = abs(deviations) > _CONTRADICTS and abs(apart_kg) > _MATTERS * abs(fit.mass_kg)
-        misses = shows and abs(apart_kg) > 1.96 * std_kg
+        misses = shows and abs(apart_kg) + fit.u_kg > 1.96 * std_kg
         out.append(Disagreement(method, float(deviations), contradicted=far or misses))
     return out

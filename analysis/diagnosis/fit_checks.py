@@ -74,8 +74,8 @@ def _braking(weighing: Weighing) -> float:
     return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
 
 
-def _most_disagreement(evidence: Evidence, _: Motion) -> float:
-    return max((abs(each.deviations) for each in disagreements(evidence)), default=0.0)
+def _contradicted(evidence: Evidence, _: Motion) -> float:
+    return float(sum(each.contradicted for each in disagreements(evidence)))
 
 
 def _told(name: str, meaning: str) -> CheckRow:
@@ -196,8 +196,8 @@ FIT_CHECKS: Final = (
     CheckRow(
         "methods",
         "mass",
-        _most_disagreement,
-        "deviations between the answer and the method that is farthest from it",
+        _contradicted,
+        "methods whose interval the answer contradicts, or whose own deviation is too small here",
         maximum="methods_max",
         applies=lambda evidence, motion: _fitted(evidence, motion) and evidence.totals is not None,
         consequence="method",

@@ -78,13 +78,13 @@ class Equation:
         return self.group >= 0
 
     @property
-    def force_range_N(self) -> float:
-        """The force that this log drives with: its 95 % quantile."""
+    def largest_force(self) -> float:
+        """The force that this log drives with, in N: its 95 % quantile."""
         return float(np.quantile(np.abs(self.force[self.used]), 0.95))
 
     @property
-    def speed_range_m_s(self) -> float:
-        """The speed that it reaches, likewise."""
+    def largest_speed(self) -> float:
+        """The speed that it reaches, in m/s, likewise."""
         return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
 
     @property

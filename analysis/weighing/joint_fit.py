@@ -41,7 +41,6 @@ class JointFit:
         fit: estimates and parts; mass first, friction second. The lag is the whole lag.
         kinematics: what the wheels say of the accelerometer, where there is one.
         mean_samples: length of the mean.
-        mass_kg: the mass, the speed's delay taken out.
         motion: what was fitted.
     """
 
@@ -78,6 +77,7 @@ class JointFit:
 
     @property
     def mass_kg(self) -> float:
+        """The mass, what the speed's delay adds to it taken off."""
         late = 0.0
         if self.kinematics is not None and self.motion.by_accelerometer:
             late = self.kinematics.delay_s[0]
@@ -85,6 +85,7 @@ class JointFit:
 
     @property
     def u_kg(self) -> float:
+        """Its standard uncertainty by this log alone, without the scale."""
         return float(np.sqrt(sum(part**2 for part in self.parts_kg.values())))
 
 

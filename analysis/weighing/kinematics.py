@@ -64,7 +64,7 @@ def _compared(
     rows = _rows(measured, motion, noise)
     if rows is None:
         return None
-    slip_std = priors.wheel_slip / motion.force_range_N
+    slip_std = priors.wheel_slip / motion.largest_force
 
     def solved(gain_std: float) -> prior_fit.PriorFit:
         widths = np.array([gain_std, slip_std, priors.speed_delay_s])

@@ -8,6 +8,7 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rich.console import Console
     from rich.table import Table
 
     from analysis.answer import Answer, AnswerRow
@@ -81,31 +82,81 @@ def print_answer(answer: "Answer") -> None:
     from replay.commands.printing import console, print_line, print_table
 
     screen, verdict = console(), answer.verdict
+    if verdict.can_weigh:
+        _print_worth(screen, answer)
     if verdict.can_weigh or verdict.tells_inertia:
         for row in answer.rows:
             print_table(screen, _masses(row, verdict))
-    for line in planar_lines(answer.planar):
-        screen.print(line, markup=False)
-    for loss in answer.losses:
-        print_line(screen, f"lost: {loss}")
-    for note in answer.notes:
-        print_line(screen, f"note: {note}")
-    failed = (*verdict.failed("mass"), *verdict.failed("inertia"))
-    if verdict.can_weigh:
-        which = "every check of the mass" if failed else "every check"
-        share = f"{answer.accepted_share:.0%}"
-        screen.print(f"This log can weigh: {which} passed, {share} of it was used.")
-    else:
-        screen.print("This log cannot weigh, so the mass is withheld. Failed:")
-    print_table(screen, _checks(verdict.checks if verdict.can_weigh else failed))
-    if verdict.judges_spins and not verdict.tells_inertia:
-        screen.print(
-            "No inertia estimate: the checks of the spins, or of the force's sign, failed."
-        )
+    for line in (
+        *planar_lines(answer.planar),
+        *(f"lost: {loss}" for loss in answer.losses),
+        *(f"note: {note}" for note in answer.notes),
+    ):
+        print_line(screen, line)
+    _print_verdict(screen, answer)
     if answer.fingerprint:
         print_line(screen, f"fingerprint: {answer.fingerprint}")
     if answer.recording:
         print_line(screen, f"recording: {answer.recording}")
+
+
+def _print_verdict(screen: "Console", answer: "Answer") -> None:
+    """Whether the log can weigh, check by check, and what would mend what failed."""
+    from replay.commands.printing import print_line, print_table
+
+    verdict = answer.verdict
+    failed = (*verdict.failed("mass"), *verdict.failed("inertia"))
+    if verdict.can_weigh:
+        which = "no check of the mass forbids it" if failed else "no check forbids it"
+        share = f"{answer.accepted_share:.0%}"
+        screen.print(f"This log can weigh: {which}, {share} of it was used.")
+        for check in verdict.remarks:
+            print_line(screen, f"{_CONSEQUENCES[check.consequence]}: {_remark(check)}")
+    else:
+        screen.print("This log cannot weigh, so the mass is withheld. Failed:")
+    print_table(screen, _checks(verdict.checks if verdict.can_weigh else failed))
+    for check in failed:
+        if check.remedy:
+            print_line(screen, f"{check.check}: {check.remedy}")
+    if verdict.judges_spins and not verdict.tells_inertia:
+        screen.print(
+            "No inertia estimate: the checks of the spins, or of the force's sign, failed."
+        )
+
+
+_STATES = {"widen": "wider", "method": "withheld", "tell": "there"}
+_CONSEQUENCES = {
+    "widen": "widened",
+    "method": "methods not shown",
+    "tell": "note",
+}
+
+
+def _remark(check: "Check") -> str:
+    value = "" if check.value is None else f" is {check.value:.3g} ({check.limit})"
+    return f"{check.check}{value}, {check.meaning}"
+
+
+def _print_worth(screen: "Console", answer: "Answer") -> None:
+    """The answer, and where its uncertainty comes from."""
+    from recordings.worth_text import advice, budget_rows, load_lines
+    from replay.commands.printing import plain_table, print_line, print_table
+
+    for load in answer.loads:
+        for line in load_lines(load):
+            print_line(screen, line)
+    rows = budget_rows(answer)
+    if rows:
+        table = plain_table("uncertainty from", "kind", "u kg")
+        table.add_column("share of the variance")
+        table.add_column("shrinks with", overflow="fold")
+        for row in rows:
+            table.add_row(*row)
+        print_table(screen, table)
+    most = advice(answer)
+    if most:
+        print_line(screen, most)
+    screen.print()
 
 
 def _masses(row: "AnswerRow", verdict: "Verdict") -> "Table":
@@ -117,6 +168,8 @@ def _masses(row: "AnswerRow", verdict: "Verdict") -> "Table":
     }
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = plain_table("method", *shown)
+    table.title = "joint: the answer; the others are the paper's, their ± is statistical only"
+    table.title_justify = "left"
     for method in row.methods:
         table.add_row(method, *(_number(row, method, *names) for names in shown.values()))
     return table
@@ -135,8 +188,11 @@ def _checks(checks: "Sequence[Check]") -> "Table":
     table = plain_table("check", "value", "limit")
     table.add_column("")
     table.add_column("meaning", overflow="fold")
-    state = {True: "ok", False: "[red]failed[/]", None: "n/a"}
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
-        table.add_row(check.check, value, check.limit, state[check.passed], check.meaning)
+        state = {True: "ok", None: "n/a"}.get(check.passed)
+        if state is None:
+            forbids = check.consequence == "withhold"
+            state = "[red]failed[/]" if forbids else _STATES[check.consequence]
+        table.add_row(check.check, value, check.limit, state, check.meaning)
     return table
