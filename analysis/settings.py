@@ -173,7 +173,7 @@ class PriorSettings(BaseModel):
         0.07, gt=0, description="prior of the wheels' slip at full force, as a share of the speed"
     )
     load_transfer_s2_m: float = Field(
-        0.012,
+        0.015,
         gt=0,
         description="prior of the change of the measured wheels' share with acceleration",
     )
@@ -213,6 +213,12 @@ class VerdictLimits(BaseModel):
     acceleration_gain_max: float = Field(2.0, gt=0, description="largest such slope")
     spin_centre_max_m: float = Field(
         0.1, gt=0, description="farthest that spins may turn about from the origin"
+    )
+    force_sign_min: float = Field(
+        -0.5, ge=-1, le=1, description="least such correlation of a force that is not inverted"
+    )
+    gated_max: float = Field(
+        3.0, gt=0, description="largest deviations between gated and ungated pooled masses"
     )
     friction_t_min: float = Field(
         -4.0, description="least friction of the answer over its standard deviation"

@@ -25,8 +25,6 @@ _LARGEST_NOISE_SHARE: Final = 0.5
 _DISAGREE: Final = 2.5
 #: What all groups miss alike counts from this ratio to its noise on.
 _MISFIT: Final = 2.0
-#: Shorter groups tell nothing of their own.
-_SHORTEST_GROUP: Final = 50
 _ROUNDS: Final = 3
 
 
@@ -136,6 +134,7 @@ def fit(
     prior_mean: Floats,
     prior_std: Floats,
     direction: Floats | None = None,
+    shortest: int = 50,
 ) -> PriorFit:
     """Fit θ of A θ = f.
 
@@ -147,6 +146,7 @@ def fit(
         prior_mean: (p,).
         prior_std: (p,), inf where nothing is known.
         direction: (n,) sign by which what a group misses is compared with the others; None: 1.
+        shortest: groups of fewer samples tell nothing of their own.
 
     Returns:
         The fit; NaN throughout where the samples do not determine it.
@@ -200,7 +200,7 @@ def fit(
     covariance = gain @ (meats * white) @ gain.T
     freedom = max(n / max(2.0 * float(correlation @ correlation) - 1.0, 1.0) - p, 1.0)
     covariance *= student_factor(freedom) ** 2
-    told = [i for i, part in enumerate(rows) if part.size >= _SHORTEST_GROUP]
+    told = [i for i, part in enumerate(rows) if part.size >= shortest]
     scores = (crosses - kept * added[1]) - (grams - kept * added[0]) @ theta
     scatter, ratio = _between_groups(gain, scores[told], covariance)
     misfit, common = _common_misfit(

@@ -5,7 +5,7 @@ whatever force there is: a start then says that there is no Coulomb friction. So
 samples as they are, from the break-away on, and averages inside a manoeuvre only.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -71,6 +71,24 @@ class Equation:
     without_gravity: Floats | None
     by_accelerometer: bool
     force_share: float
+
+    def beginning(self, stretches: int) -> "Equation":
+        """The same up to the end of so many stretches."""
+        if not self.used.any() or int(self.group.max()) < stretches:
+            return self
+        end = int(np.argmax(self.group >= stretches))
+        cut = slice(0, end)
+        level, measured = self.without_gravity, self.specific_force
+        return replace(
+            self,
+            acceleration=self.acceleration[cut],
+            speed=self.speed[cut],
+            force=self.force[cut],
+            group=self.group[cut],
+            direction=self.direction[cut],
+            specific_force=None if measured is None else measured[cut],
+            without_gravity=None if level is None else level[cut],
+        )
 
     @property
     def used(self) -> Bools:

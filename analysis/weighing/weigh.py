@@ -11,7 +11,7 @@ from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, equation
-from analysis.weighing.joint_fit import JointFit, joint_fit
+from analysis.weighing.joint_fit import JointFit, again, joint_fit
 from analysis.weighing.nuisances import CURVATURE
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
@@ -110,14 +110,12 @@ def weigh(
             left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
             fit = alone if left_out else fit
 
-    def again(times: float) -> float:
-        return joint_fit(fit.motion, columns, _scaled(priors, times)).mass_kg
-
-    curved = joint_fit(fit.motion, columns, priors, (CURVATURE,)).fit
+    halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
+    curved = again(fit, columns, priors, (CURVATURE,)).fit
     return Weighing(
         fit,
-        again(0.5),
-        again(2.0),
+        halved.mass_kg,
+        doubled.mass_kg,
         braking_kg,
         left_out,
         float(curved.theta[-1] / curved.std[-1]),
