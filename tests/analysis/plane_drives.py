@@ -10,11 +10,11 @@ import polars as pl
 from analysis.align import align
 from analysis.check import Verdict
 from analysis.derive import derive
-from analysis.diagnosis import verdict
+from analysis.diagnosis import Evidence, verdict
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
-from analysis.masses import masses
+from analysis.masses import masses, withhold
 from analysis.mounting import rotation
 from analysis.planar import planar
 from analysis.segments import segments
@@ -163,7 +163,7 @@ def replayed(said, loader=None):
     excitation = forces(smooth(aligned, settings.smooth), loader)
     gated = gate(excitation, settings)
     estimates = trace(excitation, gated, settings)
-    judged = verdict(excitation, gated, loader)
+    judged = verdict(Evidence(excitation, gated, loader))
     opinion = Verdict.of(judged)
     return {
         "aligned": aligned,
@@ -172,6 +172,6 @@ def replayed(said, loader=None):
         **{f"estimates/{method}": each for method, each in estimates.items()},
         "segments": segments(excitation, gated, settings),
         "verdict": judged,
-        "masses": masses(excitation, gated, estimates, loader, opinion),
+        "masses": withhold(masses(excitation, gated, estimates, loader), opinion, ()),
         "planar": planar(excitation, gated, opinion, settings),
     }

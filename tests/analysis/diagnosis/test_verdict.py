@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis.check import Verdict
-from analysis.diagnosis import verdict
+from analysis.diagnosis import Evidence, verdict
 from analysis.gate import gate
 from analysis.phases import speed_rate
 from analysis.schema import build
@@ -22,7 +22,7 @@ def good(drive):
 def judge(excitation_of, machine):
     def judged(made, machine=machine()):  # noqa: B008 - frozen, and the plain machine
         excitation = excitation_of(made, machine)
-        return verdict(excitation, gate(excitation, machine.settings), machine)
+        return verdict(Evidence(excitation, gate(excitation, machine.settings), machine))
 
     return judged
 
@@ -131,5 +131,5 @@ def test_fast_motion_does_not_make_wheels_and_accelerometer_disagree(machine):
             "phase": pl.Series(np.where(rate > 0, "accelerating", "braking")),
         },
     )
-    table = verdict(excitation, gate(excitation, settings), machine())
+    table = verdict(Evidence(excitation, gate(excitation, settings), machine()))
     assert check(table, "acceleration_gain")["value"] == pytest.approx(1.0, abs=0.05)
