@@ -21,6 +21,8 @@ from analysis.noise_spectra import (
     LAGS,
     Bools,
     Floats,
+    Ints,
+    block_ends,
     block_power,
     covariances,
     covariances_of,
@@ -29,6 +31,7 @@ from analysis.noise_spectra import (
     pieces,
     quantisation,
     quantum,
+    settled,
     spectra_of,
     spectrum_frequencies,
     stretches,
@@ -48,11 +51,13 @@ _FAST_SHARE: Final = 0.25
 #: The band above that which tells how much there is below it, as a multiple.
 _BAND: Final = 2.5
 #: A ratio of two powers exceeds 1 when it does by so many of its standard errors.
-_MORE: Final = 2.5
+_MORE: Final = 3.0
 #: A variance below the square of this share of a column's range is rounding.
 _ROUNDING: Final = 1e-9
 #: Below this share of the largest power a spectrum is a filter's stop band.
 _STOPPED: Final = 1e-3
+#: More stretches of standstill than this say nothing new.
+_MOST_STRETCHES: Final = 100
 #: A column that has at most so many values in a piece of standstill reads a constant.
 _FEW_VALUES: Final = 3
 
@@ -64,17 +69,19 @@ class _Samples:
     Attributes:
         x: (rows, columns), NaN where one is missing.
         quiet: stretches of standstill, away from stops and starts.
-        still: (rows,) the samples in them.
         moving: (rows,) the samples in motion.
-        known: (rows,) the samples that are there.
+        still_blocks: ends of blocks in `quiet`.
+        moving_blocks: ends of blocks in motion.
+        every_block: ends of blocks of any samples.
         rate_hz: of the grid.
     """
 
     x: Floats
     quiet: list[tuple[int, int]]
-    still: Bools
     moving: Bools
-    known: Bools
+    still_blocks: Ints
+    moving_blocks: Ints
+    every_block: Ints
     rate_hz: float
 
     @property
@@ -110,7 +117,7 @@ def channel_noise(
         for name in YAW_COLUMNS
         if name in aligned.columns and name not in columns
     }
-    phase = excitation["phase"].cast(pl.String)
+    phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
     tables: list[pl.DataFrame] = []
@@ -130,10 +137,20 @@ def channel_noise(
 def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float) -> _Samples:
     after, before = round(_AFTER_STOP_S * rate_hz), round(_BEFORE_START_S * rate_hz)
     quiet = [(a + after, b - before) for a, b in stretches(stands) if b - before > a + after]
+    quiet = quiet[:: max(len(quiet) // _MOST_STRETCHES, 1)]
+    quiet = [settled(x, begin, end) for begin, end in quiet]
     still = np.zeros(stands.size, np.bool_)
     for begin, end in quiet:
         still[begin:end] = True
-    return _Samples(x, quiet, still, moves, known, rate_hz)
+    return _Samples(
+        x=x,
+        quiet=quiet,
+        moving=moves,
+        still_blocks=block_ends(still),
+        moving_blocks=block_ends(moves),
+        every_block=block_ends(known),
+        rate_hz=rate_hz,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +228,8 @@ def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
     found = covariances(cut) if cut else np.zeros((p, p, LAGS))
     live = [bool(cut) and _lives(samples, cut, column) for column in range(p)]
     powers = [
-        block_power(samples.x[:, column], samples.moving, samples.fast) for column in range(p)
+        block_power(samples.x[:, column], samples.moving_blocks, samples.fast)
+        for column in range(p)
     ]
     spectra = spectra_of(found)
     for column in np.flatnonzero(~np.array(live)):
@@ -221,7 +239,7 @@ def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
         if not live[column]:
             power = powers[column]
             if power is None:
-                power = block_power(samples.x[:, column], samples.known, samples.fast)
+                power = block_power(samples.x[:, column], samples.every_block, samples.fast)
             if power is not None:
                 spectra[column, column] = _level(power[0], made[column], samples.fast)
     # what is differentiated, and its derivative, have one noise
@@ -253,11 +271,10 @@ def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
 
 def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
     """Whether a column shows its noise at standstill: most pieces hold more than few values."""
-    moved = samples.x[samples.moving | samples.still, column]
-    least = (_ROUNDING * max(float(np.ptp(moved)), float(np.abs(moved).max()))) ** 2
+    least = (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column])))) ** 2
     noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
     many = [
-        np.unique(samples.x[begin:end, column]).size > _FEW_VALUES
+        np.unique(samples.x[begin : min(end, begin + LAGS), column]).size > _FEW_VALUES
         for begin, end in samples.quiet
         if end > begin
     ]
@@ -277,7 +294,7 @@ def _level(power: Floats, made: _Made, fast: float) -> Floats:
 def _growth(samples: _Samples, column: int, moving: tuple[Floats, int] | None) -> Floats:
     """Power in motion over that at standstill, at least 1, at `spectrum_frequencies`."""
     at, wanted = frequencies(), spectrum_frequencies()
-    resting = block_power(samples.x[:, column], samples.still, samples.fast)
+    resting = block_power(samples.x[:, column], samples.still_blocks, samples.fast)
     if moving is None or resting is None:
         return np.ones(wanted.size)
     still = resting[0]

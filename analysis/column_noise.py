@@ -97,7 +97,7 @@ def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None
         noise: `noise` of the log; without it that of the settings counts, where they name all.
     """
     known = ColumnNoise.of(axis, noise, settings.noise)
-    usual = _USUAL[axis.letter]
+    usual = _with_settings(axis, settings.noise)
     if known is None or len(known.names) < len(NOISE_COLUMNS[axis.letter]):
         return AxisNoise(usual, None, None)
     mean, lasting = known.covariance(settings.smooth.samples), known.lasting()
@@ -114,17 +114,28 @@ def axis_noise(axis: Axis, settings: Settings, noise: pl.DataFrame | None = None
     return AxisNoise(ratios, mean, lasting)
 
 
+def _with_settings(axis: Axis, settings: NoiseSettings) -> TlsOptions:
+    """The usual ratios, with what the settings give."""
+    usual = _USUAL[axis.letter]
+    given = [getattr(settings, name) for name in NOISE_COLUMNS[axis.letter].values()]
+    both = zip(given, (*usual.noise_A[:2], usual.noise_f), strict=True)
+    *of_A, of_f = (float(value or std) for value, std in both)
+    return TlsOptions((*of_A, *usual.noise_A[2:]), of_f)
+
+
 def mean_stds(settings: Settings, noise: pl.DataFrame | None = None) -> dict[str, float]:
-    """Noise of each column after the moving mean, by its name; 0 where it is not known."""
+    """Noise of each column after the moving mean, by its name; the usual where none is known."""
     stds: dict[str, float] = {}
     for axis in (X, Z):
-        for name, setting in NOISE_COLUMNS[axis.letter].items():
-            given = getattr(settings.noise, setting) or 0.0
-            stds[name] = given / float(np.sqrt(settings.smooth.samples))
+        usual = _with_settings(axis, settings.noise)
+        each = (*usual.noise_A[:2], usual.noise_f)
+        for name, std in zip(NOISE_COLUMNS[axis.letter], each, strict=True):
+            stds[name] = std / float(np.sqrt(settings.smooth.samples))
         known = ColumnNoise.of(axis, noise, settings.noise)
         if known is not None:
-            covariance = known.covariance(settings.smooth.samples)
-            stds |= dict(zip(known.names, np.sqrt(np.diagonal(covariance)).tolist(), strict=True))
+            seen = np.sqrt(np.diagonal(known.covariance(settings.smooth.samples))).tolist()
+            told = dict(zip(known.names, seen, strict=True))
+            stds |= {name: std for name, std in told.items() if std > 0.0}
     return stds
 
 

@@ -15,12 +15,21 @@ LAGS: Final = 64
 _PIECE: Final = 192
 #: Shorter stretches tell too little.
 _SHORTEST_PIECE: Final = 40
+#: More pieces and blocks than these say nothing new.
+_MOST_PIECES: Final = 100
+_MOST_BLOCKS: Final = 1000
+#: A mean of so many samples has left its level when it is so many median distances off.
+_SHORT_MEAN: Final = 10
+_AWAY: Final = 7.0
+_TRIMS: Final = 3
 #: A piece with this many times the median's variance holds an event (a bucket set down).
 _EVENT: Final = 4.0
 #: Samples of a block whose power at each frequency is looked at; every half of it one begins.
 _BLOCK: Final = 48
 #: A block with this many times the median's fast power holds a step.
 _STEP: Final = 2.0
+#: What it may have beyond that, over the number of blocks.
+_SCATTER: Final = 10.0
 #: Below this share of the largest power a spectrum is a filter's stop band.
 _STOPPED: Final = 1e-4
 #: Fewer blocks have no median worth the name.
@@ -45,20 +54,49 @@ def stretches(of: Bools) -> list[tuple[int, int]]:
     return list(zip(begins, ends, strict=True))
 
 
+def settled(x: Floats, begin: int, end: int) -> tuple[int, int]:
+    """Trim a stretch to where no column's short mean has left its level yet, or no longer.
+
+    A slow start stands by its speed for up to a second.
+
+    Args:
+        x: (rows, columns), finite from `begin` to `end`.
+        begin: first row.
+        end: the row after the last.
+    """
+    for _ in range(_TRIMS):
+        if end - begin < _SHORTEST_PIECE:
+            break
+        sums = np.cumsum(x[begin:end] - x[begin], axis=0)
+        means = (sums[_SHORT_MEAN:] - sums[:-_SHORT_MEAN]) / _SHORT_MEAN
+        off = np.abs(means - np.median(means, axis=0))
+        usual = np.median(off, axis=0)
+        away = np.flatnonzero(((off > _AWAY * usual) & (usual > 0.0)).any(axis=1))
+        if away.size == 0:
+            break
+        middle = len(off) // 2
+        late = away[away >= middle]
+        last = end if late.size == 0 else begin + int(late[0])
+        early = away[away < middle]
+        first = begin if early.size == 0 else begin + int(early[-1]) + _SHORT_MEAN
+        begin, end = first, last
+    return begin, max(end, begin)
+
+
 def pieces(x: Floats, quiet: list[tuple[int, int]]) -> list[Floats]:
-    """Cut stretches into pieces (n, columns), each less its own straight line.
+    """Cut stretches into pieces (n, columns), each less its own straight line; of many, some.
 
     Args:
         x: (rows, columns), finite in the stretches.
         quiet: stretches in which nothing but noise happens.
     """
     cut: list[Floats] = []
-    for begin, end in quiet:
-        if end - begin < _SHORTEST_PIECE:
-            continue
+    long = [stretch for stretch in quiet if stretch[1] - stretch[0] >= _SHORTEST_PIECE]
+    pieces_in_all = sum(-(-(end - begin) // _PIECE) for begin, end in long)
+    for begin, end in long[:: max(pieces_in_all // _MOST_PIECES, 1)]:
         parts = np.array_split(x[begin:end], -(-(end - begin) // _PIECE))
         cut.extend(_without_line(part) for part in parts)
-    return cut
+    return cut[:: max(len(cut) // _MOST_PIECES, 1)]
 
 
 def _without_line(part: Floats) -> Floats:
@@ -101,7 +139,18 @@ def _power_at_zero(found: Floats) -> Floats:
     return np.clip(total, -limit, limit)
 
 
-def block_power(x: Floats, of: Bools, fast: float) -> tuple[Floats, int] | None:
+def block_ends(of: Bools) -> Ints:
+    """The last rows of half-overlapping blocks that lie in runs of True; of many, some."""
+    rows = np.arange(of.size)
+    # the last row before the run
+    begun = np.maximum.accumulate(np.where(of, -1, rows))
+    run = rows - begun
+    length = _BLOCK + 2
+    ends = rows[of & (run >= length) & ((run - length) % (_BLOCK // 2) == 0)]
+    return ends[:: max(ends.size // _MOST_BLOCKS, 1)]
+
+
+def block_power(x: Floats, ends: Ints, fast: float) -> tuple[Floats, int] | None:
     """Power of noise at `frequencies`, (frequencies,), and of how many blocks; None of too few.
 
     Of second differences, so that what is smooth does not leak; divided by their response, so that
@@ -109,15 +158,10 @@ def block_power(x: Floats, of: Bools, fast: float) -> tuple[Floats, int] | None:
     than most hold a throttle step or a stop, and are left out.
 
     Args:
-        x: (rows,), finite where `of` is true.
-        of: (rows,) the samples to look at.
+        x: (rows,), finite in the blocks.
+        ends: `block_ends`.
         fast: the lowest frequency, over the rate, at which a block is judged.
     """
-    rows = np.arange(x.size)
-    # the last row before the run
-    begun = np.maximum.accumulate(np.where(of, -1, rows))
-    run = rows - begun
-    ends = rows[of & (run >= _BLOCK + 2) & ((run - _BLOCK - 2) % (_BLOCK // 2) == 0)]
     if ends.size < _FEWEST_BLOCKS:
         return None
     taper = np.hanning(_BLOCK + 2)[1:-1]
@@ -129,7 +173,8 @@ def block_power(x: Floats, of: Bools, fast: float) -> tuple[Floats, int] | None:
     if told.any():
         ratio = (power[:, told] / usual[told]).mean(axis=1)
         for _ in range(2):
-            keep = ratio <= _STEP * np.median(ratio)
+            # the power of one block scatters, and of a few their median does as well
+            keep = ratio <= (_STEP + _SCATTER / ratio.size) * np.median(ratio)
             power, ratio = power[keep], ratio[keep]
     mean = power.mean(axis=0)
     mean[1:] /= (2.0 * np.sin(np.pi * at[1:])) ** 4
@@ -193,10 +238,9 @@ def quantisation(x: Floats, of: Bools, step: float) -> Floats:
     steps has 1 - 6φ(1 - φ) of it.
     """
     span = _SPAN
-    change = np.abs(x[span:] - x[:-span]) / span
-    both = of[span:] & of[:-span]
-    slopes = change[both]
-    slopes = slopes[:: max(slopes.size // _LOOKED_AT, 1)]
+    rows = np.flatnonzero(of[span:] & of[:-span])
+    rows = rows[:: max(rows.size // _LOOKED_AT, 1)]
+    slopes = np.abs(x[rows + span] - x[rows]) / span
     if slopes.size == 0:
         slopes = np.zeros(1)
     phase = np.mod(np.arange(LAGS)[:, None] * slopes / step, 1.0)

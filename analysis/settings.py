@@ -115,7 +115,7 @@ class GateSettings(BaseModel):
     )
     condition_max: float = Field(1000.0, gt=1, description="larger condition numbers are refused")
     noise_share_max: float = Field(
-        0.1, gt=0, description="largest share of noise in what the acceleration alone explains"
+        0.3, gt=0, description="largest share of noise in what the acceleration alone explains"
     )
 
 

@@ -105,6 +105,8 @@ def main(starts: int = 2100, write: bool = False) -> None:
             [
                 'settings.trace.methods=["ls","rls","tls","pooled"]',
                 f"settings.noise.force_N={noise_N:.1f}",
+                "settings.noise.acc_m_s2=0.01",
+                "settings.noise.speed_m_s=0.005",
             ],
         )
         found: dict[int, dict[str, list[np.ndarray]]] = {n: {} for n in STARTS_A_LOG}

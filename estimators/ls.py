@@ -188,36 +188,62 @@ def predicted(
     unit = np.zeros(solved.theta.shape)
     unit[0] = 1.0
     substitute(solved.L, solved.inverse, unit)
-    variance, share = solved.rss / max(window - p, 1), np.zeros(solved.rss.size)
-    if noise is not None:
-        # the residuals of a window may be small by chance, those of noise are not
-        variance = np.maximum(variance, residual_noise(solved.theta, noise))
-        # u / u₁ are the weights of the columns in what the others leave of the first
-        share = window * quadratic(noise, unit) / unit[0]
-    condition = condition_numbers(products, p + 1, p)
-    with np.errstate(divide="ignore"):
-        return np.sqrt(variance * unit[0]), condition, 1.0 / unit[0], share
+    variance = solved.rss / max(window - p, 1)
+    partial, share = np.empty(variance.size), np.zeros(variance.size)
+    _with_noise(
+        solved.theta,
+        unit,
+        np.zeros((p + 1, p + 1)) if noise is None else noise,
+        window,
+        variance,
+        partial,
+        share,
+    )
+    return np.sqrt(variance * unit[0]), condition_numbers(products, p + 1, p), partial, share
+
+
+@compiled
+def _with_noise(
+    theta: Floats,
+    unit: Floats,
+    noise: Floats,
+    window: int,
+    variance: Floats,
+    partial: Floats,
+    share: Floats,
+) -> None:
+    """Raise variances (m,) to those of noise, and fill in partial sums and shares (m,).
+
+    The residuals of a window may be small by chance, those of noise are not. u / u₁ are the weights
+    of the columns in what the others leave of the first, u (p, m) the first column of G⁻¹.
+    """
+    p, m = theta.shape
+    least = np.full(m, noise[p, p])
+    for i in range(p):
+        x, u = theta[i], unit[i]
+        own, of_force = noise[i, i], 2.0 * noise[i, p]
+        for k in range(m):
+            least[k] += (own * x[k] - of_force) * x[k]
+            share[k] += own * u[k] * u[k]
+        for j in range(i + 1, p):
+            y, w = theta[j], unit[j]
+            twice = 2.0 * noise[i, j]
+            for k in range(m):
+                least[k] += twice * x[k] * y[k]
+                share[k] += twice * u[k] * w[k]
+    first = unit[0]
+    for k in range(m):
+        variance[k] = least[k] if least[k] > variance[k] else variance[k]
+        # u₁ is never zero where G has an inverse, and NaN where it has none
+        partial[k] = 1.0 / first[k]
+        share[k] *= window * partial[k]
 
 
 def residual_noise(theta: Floats, noise: Floats) -> Floats:
     """Variance (m,) of the noise in f - Aθ of m windows, θ (p, m), from that of [A f]."""
     p = len(theta)
-    total = quadratic(noise, theta) + noise[p, p]
-    for i in range(p):
-        total = total - 2.0 * noise[i, p] * theta[i]
-    return np.maximum(total, 0.0)
-
-
-def quadratic(noise: Floats, x: Floats) -> Floats:
-    """xᵀ Σ x of each of m vectors x (p, m), by the leading p × p part of Σ.
-
-    Element by element, so that one window gives what many give, to the bit.
-    """
-    total = np.zeros(x.shape[1])
-    for i in range(len(x)):
-        for j in range(len(x)):
-            total = total + noise[i, j] * x[i] * x[j]
-    return total
+    own = np.einsum("ik,ij,jk->k", theta, noise[:p, :p], theta)
+    return np.maximum(own + noise[p, p] - 2.0 * noise[:p, p] @ theta, 0.0)
 
 
 def trace(

@@ -34,6 +34,7 @@ STATES: Final[dict[str, str]] = {
     "saturated": "#e84393",
     "slip": "#ff7675",
     "ill_conditioned": "#a0522d",
+    "noise_limited": "#00838f",
 }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 
 from analysis.align import align
+from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
 from analysis.derive import derive
 from analysis.diagnosis import Evidence, verdict
@@ -161,17 +162,19 @@ def replayed(said, loader=None):
     channels, _, _ = derive({"table": said}, loader)
     aligned, _ = align(channels, loader)
     excitation = forces(smooth(aligned, settings.smooth), loader)
-    gated = gate(excitation, settings)
-    estimates = trace(excitation, gated, settings)
+    noise = channel_noise(aligned, excitation, loader)
+    gated = gate(excitation, settings, noise)
+    estimates = trace(excitation, gated, settings, noise)
     judged = verdict(Evidence(excitation, gated, loader))
     opinion = Verdict.of(judged)
     return {
         "aligned": aligned,
         "excitation": excitation,
+        "noise": noise,
         "gate": gated,
         **{f"estimates/{method}": each for method, each in estimates.items()},
-        "segments": segments(excitation, gated, settings),
+        "segments": segments(excitation, gated, settings, noise),
         "verdict": judged,
-        "masses": withhold(masses(excitation, gated, estimates, loader), opinion, ()),
-        "planar": planar(excitation, gated, opinion, settings),
+        "masses": withhold(masses(excitation, gated, estimates, loader, noise), opinion, ()),
+        "planar": planar(excitation, gated, opinion, settings, noise),
     }

@@ -10,11 +10,13 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from analysis import online
+from analysis.channel_noise import channel_noise
 from analysis.gate import gate
 from analysis.methods import METHODS
 from analysis.segments import pooled_samples
 from analysis.settings import Settings
 from analysis.trace import trace
+from tests.analysis.noisy_logs import noisy_log
 from tests.analysis.settings_by_name import settings_of
 
 EVERY = tuple(METHODS)
@@ -22,9 +24,9 @@ THETA = ("mass_kg", "friction_x_N_s_m", "coulomb_x_N")
 MANOEUVRES = ("standstill", "start", "cruise", "brake")
 
 
-def on_board(excitation, settings):
+def on_board(excitation, settings, noise=None):
     """Every step, the estimates by method as (row, θ), and the state after the last row."""
-    state = online.start(settings)
+    state = online.start(settings, noise)
     rows_of_gate, found = [], {method: [] for method in settings.trace.methods}
     for row in excitation.iter_rows(named=True):
         step = online.step(state, row)
@@ -38,12 +40,12 @@ def on_board(excitation, settings):
     return rows_of_gate, found, state
 
 
-def assert_as_in_replay(excitation, settings):
-    gated = gate(excitation, settings)
-    frames = trace(excitation, gated, settings)
-    rows_of_gate, found, _ = on_board(excitation, settings)
+def assert_as_in_replay(excitation, settings, noise=None):
+    gated = gate(excitation, settings, noise)
+    frames = trace(excitation, gated, settings, noise)
+    rows_of_gate, found, _ = on_board(excitation, settings, noise)
     assert [m.reason for m in rows_of_gate] == gated["reason_x"].to_list()
-    for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "ksg_x_nat"):
+    for name in ("corr_x_1", "mi_x_nat", "predicted_std_x", "noise_share_x_1", "ksg_x_nat"):
         if name in gated.columns:
             expected = gated[name].fill_null(np.nan).to_numpy()
             np.testing.assert_array_equal([getattr(m, name) for m in rows_of_gate], expected)
@@ -114,11 +116,38 @@ def examples(number):
     )
 
 
-@given(log=logs(), settings=choices())
-@examples(8)
-def test_every_decision_and_every_estimate_equals_the_replays(drive, excitation_of, log, settings):
+@pytest.fixture(scope="module")
+def noise():
+    """The noise of a log with a derived acceleration: it refuses some windows."""
+    log = noisy_log("derived acceleration", 8)
+    return channel_noise(log.aligned, log.excitation, log.machine)
+
+
+@given(log=logs(), settings=choices(), known=st.booleans())
+@examples(10)
+def test_every_decision_and_every_estimate_equals_the_replays(
+    drive, excitation_of, noise, log, settings, known
+):
     made, holes = log
-    assert_as_in_replay(holes_in(excitation_of(drive(**made)), holes), settings)
+    excitation = holes_in(excitation_of(drive(**made)), holes)
+    assert_as_in_replay(excitation, settings, noise if known else None)
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_noise_of_the_log_refuses_and_corrects_on_board_as_in_replay(
+    drive, excitation_of, noise, coulomb
+):
+    settings = settings_of(coulomb=coulomb, methods=EVERY)
+    made = drive(("standstill", "start", "brake", "standstill"), (3.5, 5.0, 2.0, 1.5))
+    gated, found = assert_as_in_replay(excitation_of(made), settings, noise)
+    reasons = set(gated["reason_x"].cast(pl.String))
+    assert "noise_limited" in reasons
+    if coulomb:
+        # beside a third column no window is better than its noise
+        return
+    _, blind, _ = on_board(excitation_of(made), settings)
+    for method in ("pooled", "tls"):
+        assert found[method][-1][1].theta[0] != blind[method][-1][1].theta[0]
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from estimators.attenuation import attenuation, window_attenuations
 from estimators.window_mean import mean_estimate
 
 TRUTH, NOISE = np.array([100.0, 20.0]), np.array([0.3, 0.1])
+COVARIANCE = np.diag([*NOISE**2, 0.0])
 
 
 def noisy(n=4000, seed=5):
@@ -38,7 +39,7 @@ def test_windows_are_drawn_by_about_what_is_predicted_of_each():
     _, A, f = noisy()
     accepted = np.ones(f.size, np.bool_)
     traced = ls.trace(A, f, 1000, accepted)
-    drawn = window_attenuations(A, f, 1000, traced.index, traced.theta, NOISE)
+    drawn = window_attenuations(A, f, 1000, traced.index, traced.theta, COVARIANCE)
     assert drawn.shape == traced.theta.shape
     assert (np.abs(traced.theta - TRUTH) > 5 * traced.std)[:, 0].all()
     np.testing.assert_allclose(traced.theta + drawn, np.broadcast_to(TRUTH, drawn.shape), atol=4.0)
@@ -47,7 +48,7 @@ def test_windows_are_drawn_by_about_what_is_predicted_of_each():
 def test_the_mean_of_windows_does_not_average_away_what_draws_them_all_alike():
     _, A, f = noisy()
     traced = ls.trace(A, f, 200, np.ones(f.size, np.bool_))
-    drawn = window_attenuations(A, f, 200, traced.index, traced.theta, NOISE)
+    drawn = window_attenuations(A, f, 200, traced.index, traced.theta, COVARIANCE)
     mean, std = mean_estimate(A, f, 200, traced.index, traced.theta, traced.std)
     same, wider = mean_estimate(A, f, 200, traced.index, traced.theta, traced.std, drawn)
     np.testing.assert_array_equal(mean, same)

@@ -212,8 +212,8 @@ FORMS = {Feed.WINDOWS: windowed, Feed.SETTLED: recursive, Feed.SEGMENTS: by_segm
 def in_the_table(method):
     """The estimator of a row, with the options that the defaults make of some noise."""
     once, ten = (
-        method.options(MethodOptions(), AxisNoise(tls.TlsOptions((0.05, 0.05, 1e-3), f_N), None))
-        for f_N in (60.0, 600.0)
+        method.options(MethodOptions(), AxisNoise(ratios, None, None))
+        for ratios in (tls.TlsOptions((0.05, 0.05, 1e-3), f_N) for f_N in (60.0, 600.0))
     )
     return FORMS[method.feed](method.estimator, once, ten)
 

@@ -65,15 +65,30 @@ def test_known_noise_of_the_columns_is_taken_off_and_half_of_that_is_uncertainty
     A = clean + noise * generator.normal(size=(n, 2))
     one = np.zeros(n, np.int64)
     ordinary = pooled.trace(A, f, one)
-    known = pooled.trace(A, f, one, pooled.PooledOptions(noise))
+    known = pooled.trace(A, f, one, pooled.PooledOptions(np.diag([*noise**2, 0.0])))
     np.testing.assert_allclose(ordinary.theta[0, 0], 100.0 / 1.09, rtol=0.01)
     np.testing.assert_allclose(known.theta[0], [100.0, 20.0], rtol=0.02)
     change = known.theta[0] - ordinary.theta[0]
     assert (known.std[0] >= np.abs(change) / 2).all()
 
 
+def test_noise_that_columns_and_force_share_is_taken_off_as_well():
+    """A speed and its backward difference have one noise; so may a vibrating force."""
+    n = 20_000
+    covariance = np.array([[0.2, 0.1, 3.0], [0.1, 0.1, 0.0], [3.0, 0.0, 100.0]])
+    generator = np.random.default_rng(6)
+    clean = generator.normal(size=(n, 2))
+    noise = generator.multivariate_normal(np.zeros(3), covariance, size=n)
+    A, f = clean + noise[:, :2], clean @ [100.0, 20.0] + noise[:, 2]
+    one = np.zeros(n, np.int64)
+    known = pooled.trace(A, f, one, pooled.PooledOptions(covariance))
+    np.testing.assert_allclose(known.theta[0], [100.0, 20.0], rtol=0.05)
+    alone = pooled.trace(A, f, one, pooled.PooledOptions(np.diag(np.diag(covariance))))
+    assert np.abs(alone.theta[0] - [100.0, 20.0]).max() > 2.0
+
+
 def test_noise_that_is_larger_than_the_columns_leaves_no_number():
     A, f, segment_id = interleaved()
-    lost = pooled.trace(A, f, segment_id, pooled.PooledOptions(np.array([9.0, 9.0])))
+    lost = pooled.trace(A, f, segment_id, pooled.PooledOptions(np.diag([81.0, 81.0, 0.0])))
     assert np.isnan(lost.theta).all()
     assert np.isnan(lost.std).all()

@@ -87,23 +87,26 @@ def straight_drives(
             "mi_x_nat": 0.2 + 0.9 * (reason == "accepted") + 0.05 * np.sin(t_s),
             "ksg_x_nat": 0.1 + 0.8 * (reason == "accepted"),
             "predicted_std_x": 30.0 + 400.0 * (reason != "accepted"),
+            "noise_share_x_1": 0.01 + 0.4 * (reason != "accepted"),
             "accepted_x": reason == "accepted",
             "reason_x": reason,
             "corr_z_1": 0.3 * np.sin(t_s),
             "mi_z_nat": 0.1 + 0.05 * np.sin(t_s),
             "ksg_z_nat": 0.1 + 0.05 * np.cos(t_s),
             "predicted_std_z": np.full(t_s.size, 40.0),
+            "noise_share_z_1": np.full(t_s.size, 0.6),
             "accepted_z": np.zeros(t_s.size, bool),
             "reason_z": ["translating"] * t_s.size,
         }
     ).with_columns(
         pl.col("reason_x", "reason_z").cast(REASON),
-        pl.when(pl.col("reason_x") != "warming_up").then(pl.col("^(corr|mi|ksg|pred).*$")),
+        pl.when(pl.col("reason_x") != "warming_up").then(pl.col("^(corr|mi|ksg|pred|noise).*$")),
     )
     frames = {
         "raw//torque": _raw(t_ns, force),
         "aligned": _declared("aligned", grid),
         "excitation": _declared("excitation", motion),
+        "noise": _noise(),
         "gate": conform("gate", gate),
         **{f"estimates/{m}": _estimates(m, gate, rng) for m in METHODS},
         "segments": _segments(duration_s, accepted, rng),
@@ -150,6 +153,21 @@ def _theta(rng: np.random.Generator, n: int, std: float) -> dict[str, np.ndarray
         "residual_rms_N_m": rng.uniform(20, 40, n),
         "condition_1": rng.uniform(2, 9, n),
     }
+
+
+def _noise():
+    return conform(
+        "noise",
+        pl.DataFrame(
+            {
+                "first": ["force_x_N"] * 2,
+                "second": ["force_x_N", "speed_x_m_s"],
+                "lag": [0, 1],
+                "covariance": [3600.0, 0.0],
+                "source": ["standstill", "setting"],
+            }
+        ),
+    )
 
 
 def _estimates(method: str, gate: pl.DataFrame, rng: np.random.Generator) -> pl.DataFrame:
