@@ -306,7 +306,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("braking_left_out", pl.Boolean, "1", "true when braking disagreed"),
                 Column("scale_unknown", pl.String, "1", "what the machine file gives no u for"),
                 Column("withheld", pl.Boolean, "1", "true when the verdict forbids the mass"),
-                Column("withheld_for", pl.String, "1", "why there is no mass (empty when there is)"),
+                Column(
+                    "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
+                ),
             ),
         ),
         Frame(

@@ -76,7 +76,9 @@ def loads(
             "braking_left_out": pl.Series([weighing.braking_left_out]),
             "scale_unknown": pl.Series([", ".join(unknown_scale(sources))]),
             "withheld": pl.Series([not told]),
-            "withheld_for": pl.Series(["" if told else ", ".join(withheld) or "the fit has no number"]),
+            "withheld_for": pl.Series(
+                ["" if told else ", ".join(withheld) or "the fit has no number"]
+            ),
         },
     )
 
