@@ -12,7 +12,7 @@ from analysis.weighing.weigh import Weighing
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class UncertaintySource:
     """Where uncertainty comes from.
 
     Attributes:
@@ -31,7 +31,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _FitPart:
     kind: str
     meaning: str
     shrinks: str
@@ -39,34 +39,34 @@ class _Part:
 
 #: Of the fit, besides the priors.
 _PARTS: Final = {
-    "noise": _Part("random", "noise of this log, through its residuals", "more starts"),
-    "scatter": _Part(
+    "noise": _FitPart("random", "noise of this log, through its residuals", "more starts"),
+    "scatter": _FitPart(
         "random", "starts that disagree with each other", "more starts; a load that does not change"
     ),
-    "misfit": _Part(
+    "misfit": _FitPart(
         "common",
         "what every start has in common and the model misses",
         "finding its cause: filters, brakes, tyres",
     ),
-    "lag_shape": _Part(
+    "lag_shape": _FitPart(
         "common",
         "a late force that is neither plainly delayed nor plainly low-passed",
         "the force without its filter",
     ),
-    "channel_noise": _Part(
+    "channel_noise": _FitPart(
         "common",
         "noise of speed and acceleration, known to a quarter",
         "a quieter accelerometer, or settings.noise",
     ),
-    "speed_delay": _Part(
+    "speed_delay": _FitPart(
         "common", "delay of the speed behind the accelerometer", "topics with one clock"
     ),
-    "gain": _Part(
+    "gain": _FitPart(
         "common",
         "wheels and accelerometer disagree, and the log cannot say which is wrong",
         "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
     ),
-    "curvature": _Part(
+    "curvature": _FitPart(
         "common",
         "a force that is not linear in the acceleration",
         "force measured on all wheels; brakes that are seen whole",
@@ -120,23 +120,23 @@ _SCALES: Final = (
 )
 
 
-def budget(weighing: Weighing, machine: Machine) -> list[Source]:
+def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     """Every source of the mass' uncertainty, the largest first, the unknown ones last."""
     fit, body = weighing.fit, machine.machine
     priors = {term.name: term for term in NUISANCES}
-    sources: list[Source] = []
+    sources: list[UncertaintySource] = []
     for name, u_kg in {**fit.parts_kg, **curvature(weighing)}.items():
         if name in priors:
             term = priors[name]
-            sources.append(Source(name, "common", u_kg, term.meaning, term.shrinks))
+            sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
         elif u_kg > 0.0:
             part = _PARTS[name]
-            sources.append(Source(name, part.kind, u_kg, part.meaning, part.shrinks))
+            sources.append(UncertaintySource(name, part.kind, u_kg, part.meaning, part.shrinks))
     for scale in _SCALES:
         if scale.applies(machine):
             relative = scale.relative(machine)
             sources.append(
-                Source(
+                UncertaintySource(
                     scale.name,
                     "scale",
                     None if relative is None else relative * abs(fit.mass_kg),
@@ -146,7 +146,7 @@ def budget(weighing: Weighing, machine: Machine) -> list[Source]:
             )
     if body.rotating_mass_u_kg:
         sources.append(
-            Source(
+            UncertaintySource(
                 "rotating_mass",
                 "scale",
                 body.rotating_mass_u_kg,
@@ -164,12 +164,12 @@ def curvature(weighing: Weighing) -> dict[str, float]:
     return {"curvature": abs(kg)} if shows else {}
 
 
-def unknown_scale(sources: list[Source]) -> list[str]:
+def unknown_scale(sources: list[UncertaintySource]) -> list[str]:
     """The sources that the machine file should state and does not."""
     return [source.name for source in sources if source.u_kg is None]
 
 
-def combined(sources: list[Source], *kinds: str) -> float:
+def combined(sources: list[UncertaintySource], *kinds: str) -> float:
     """The root sum of squares of the sources of some kinds, or of all, in kg."""
     return float(
         np.sqrt(sum(s.u_kg**2 for s in sources if s.u_kg and (not kinds or s.kind in kinds)))

@@ -29,7 +29,7 @@ def loads(
                     "load_id": [0],
                     "manoeuvres": [0],
                     "withheld": [not verdict.can_weigh],
-                    "reason": ["no manoeuvre of this log was informative enough"],
+                    "withheld_for": ["no manoeuvre of this log was informative enough"],
                     "braking_left_out": [False],
                     "scale_unknown": [""],
                 }
@@ -76,7 +76,9 @@ def loads(
             "braking_left_out": pl.Series([weighing.braking_left_out]),
             "scale_unknown": pl.Series([", ".join(unknown_scale(sources))]),
             "withheld": pl.Series([not told]),
-            "reason": pl.Series(["" if told else ", ".join(withheld) or "the fit has no number"]),
+            "withheld_for": pl.Series(
+                ["" if told else ", ".join(withheld) or "the fit has no number"]
+            ),
         },
     )
 
@@ -115,7 +117,7 @@ def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     return build(
         "budget",
         {
-            "source": pl.Series([source.name for source in sources]),
+            "cause": pl.Series([source.name for source in sources]),
             "kind": pl.Series([source.kind for source in sources]),
             "u_kg": u_kg,
             "share_1": u_kg**2 / total**2 if total else u_kg * np.nan,
@@ -132,6 +134,6 @@ _EMPTY = {
     },
     "budget": {
         name: pl.Series([], dtype=pl.Float64 if name in ("u_kg", "share_1") else pl.String)
-        for name in ("source", "kind", "u_kg", "share_1", "meaning", "shrinks")
+        for name in ("cause", "kind", "u_kg", "share_1", "meaning", "shrinks")
     },
 }
