@@ -153,7 +153,10 @@ class PriorSettings(BaseModel):
 
     model_config = _PART
 
-    const_share: float = Field(0.06, gt=0, description="prior of a constant force, as a share")
+    const_share: float = Field(0.05, gt=0, description="prior of a constant force, as a share")
+    const_weight_share: float = Field(
+        0.01, gt=0, description="and as a share of the machine's weight, both added in quadrature"
+    )
     lag_s: float = Field(0.02, gt=0, description="prior of the force's delay")
     lag_drift_s: float = Field(0.01, gt=0, description="prior of that delay's change over the log")
     slip_share: float = Field(
@@ -164,6 +167,9 @@ class PriorSettings(BaseModel):
     )
     direction_share: float = Field(
         0.05, gt=0, description="prior of Coulomb friction where the log drives both ways, a share"
+    )
+    direction_weight_share: float = Field(
+        0.01, gt=0, description="and as a share of the machine's weight, likewise"
     )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
     speed_delay_s: float = Field(

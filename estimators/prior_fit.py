@@ -25,6 +25,9 @@ _LARGEST_NOISE_SHARE: Final = 0.5
 _DISAGREE: Final = 2.5
 #: What all groups miss alike counts from this ratio to its noise on.
 _MISFIT: Final = 2.0
+#: With fewer groups the deviation by the residuals counts so many times.
+_FEW_GROUPS: Final = 3
+_OF_FEW: Final = 2.0
 _ROUNDS: Final = 3
 
 
@@ -201,6 +204,9 @@ def fit(
     freedom = max(n / max(2.0 * float(correlation @ correlation) - 1.0, 1.0) - p, 1.0)
     covariance *= student_factor(freedom) ** 2
     told = [i for i, part in enumerate(rows) if part.size >= shortest]
+    if len(told) < _FEW_GROUPS:
+        # nothing tells what they miss alike, or how they scatter
+        covariance *= _OF_FEW**2
     scores = (crosses - kept * added[1]) - (grams - kept * added[0]) @ theta
     scatter, ratio = _between_groups(gain, scores[told], covariance)
     misfit, common = _common_misfit(

@@ -10,6 +10,10 @@ from analysis.machine import Machine
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
+#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
+_CURVED: Final = 6.0
+_MATTERS: Final = 0.01
+
 
 @dataclass(frozen=True, slots=True)
 class UncertaintySource:
@@ -65,6 +69,11 @@ _PARTS: Final = {
         "common",
         "wheels and accelerometer disagree, and the log cannot say which is wrong",
         "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
+    ),
+    "braking": _FitPart(
+        "common",
+        "braking and driving say different masses, and driving alone cannot decide",
+        "settings.gate.exclude_braking = true, or a force that sees all brakes",
     ),
     "curvature": _FitPart(
         "common",
@@ -125,7 +134,7 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     fit, body = weighing.fit, machine.machine
     priors = {term.name: term for term in NUISANCES}
     sources: list[UncertaintySource] = []
-    for name, u_kg in {**fit.parts_kg, **curvature(weighing)}.items():
+    for name, u_kg in {**fit.parts_kg, **doubts(weighing)}.items():
         if name in priors:
             term = priors[name]
             sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
@@ -157,11 +166,15 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
 
 
-def curvature(weighing: Weighing) -> dict[str, float]:
-    """What a force that is not linear in the acceleration costs, where it shows."""
+def doubts(weighing: Weighing) -> dict[str, float]:
+    """What else a check of the fit widens the answer by, in kg, where it shows."""
+    found: dict[str, float] = {}
     t, kg = weighing.curvature_t, weighing.curvature_kg
-    shows = abs(t) > 6.0 and abs(kg) > 0.01 * abs(weighing.fit.mass_kg)
-    return {"curvature": abs(kg)} if shows else {}
+    if abs(t) > _CURVED and abs(kg) > _MATTERS * abs(weighing.fit.mass_kg):
+        found["curvature"] = abs(kg)
+    if weighing.braking_doubted:
+        found["braking"] = abs(weighing.braking_kg)
+    return found
 
 
 def unknown_scale(sources: list[UncertaintySource]) -> list[str]:

@@ -59,6 +59,7 @@ class Equation:
         without_gravity: likewise with gravity's share by the pitch taken off.
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
+        weight: of the machine without load, in N; of what this log says where it is not known.
     """
 
     acceleration: Floats
@@ -71,6 +72,7 @@ class Equation:
     without_gravity: Floats | None
     by_accelerometer: bool
     force_share: float
+    weight: float
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -164,7 +166,18 @@ def equation(
         level,
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
+        _weight(machine, acceleration, force, group >= 0),
     )
+
+
+def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
+    """The empty machine's weight in N, or what force over acceleration says it is about."""
+    body = machine.machine
+    if body.empty_mass_kg is not None or not used.any():
+        return (body.empty_mass_kg or 0.0) * body.gravity_m_s2
+    largest = (float(np.quantile(np.abs(x[used]), 0.95)) for x in (force, acceleration))
+    of_force, of_acceleration = largest
+    return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
 
 
 def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
