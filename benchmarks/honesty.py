@@ -16,6 +16,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -35,6 +36,7 @@ from benchmarks.honesty_rows import (
 )
 from benchmarks.page import markdown, put
 from benchmarks.weighed import Weighed
+from estimators.errors import PayscopeError
 
 HEAD = ["row", "logs", "withheld", "wrong", "within 2 u", "median error ± median u, kg"]
 
@@ -43,7 +45,7 @@ def tried(task: Task) -> Weighed | str:
     """The log's answer, or what went wrong on the way."""
     try:
         return log(task)
-    except Exception:
+    except (PayscopeError, ArithmeticError, AssertionError, LookupError, ValueError):
         return f"{task}: {traceback.format_exc()}"
 
 
@@ -220,14 +222,14 @@ def main(
     quick: bool = False,
     processes: int = 2,
     only: str = "",
-    json_file: Path | None = typer.Option(None, "--json"),
+    kept: Annotated[Path | None, typer.Option("--json")] = None,
     write: bool = False,
 ) -> None:
     if quick:
         seeds, designs, power = min(seeds, 3), min(designs, 6), min(power, 20)
     tasks = [*row_tasks(seeds), *clean_tasks(designs, seeds), *power_tasks(power)]
     tasks = [each for each in tasks if not only or only in (each.kind, each.name)]
-    found, faults = measured(tasks, processes, json_file)
+    found, faults = measured(tasks, processes, kept)
     in_rows = [each for each in found if each.row in ROWS]
     table, totals = of_rows(in_rows)
     clean, power_table = f"{of_clean(found)}\n\n{of_widths(found)}", of_power(found)

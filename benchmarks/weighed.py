@@ -58,6 +58,7 @@ class Weighed:
 
     @property
     def error_kg(self) -> float:
+        """The answer less the truth; NaN where it is withheld."""
         return float("nan") if self.mass_kg is None else self.mass_kg - self.true_kg
 
     @property
@@ -115,9 +116,7 @@ def with_gain(log: SimulatedLog, acc_gain: float) -> SimulatedLog:
     return SimulatedLog(**{**vars(log), "topics": {**log.topics, "imu": imu}})
 
 
-def answer(
-    row: str, design: str, scenario: Scenario, log: SimulatedLog, replayed: Run
-) -> Weighed:
+def answer(row: str, design: str, scenario: Scenario, log: SimulatedLog, replayed: Run) -> Weighed:
     load = replayed.frames["loads"].row(0, named=True)
     true_kg = float(log.trials["mass_kg"][0])
     masses, found = replayed.frames["masses"], replayed.frames["nuisances"]
