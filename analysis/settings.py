@@ -173,7 +173,7 @@ class PriorSettings(BaseModel):
         0.07, gt=0, description="prior of the wheels' slip at full force, as a share of the speed"
     )
     load_transfer_s2_m: float = Field(
-        0.005,
+        0.012,
         gt=0,
         description="prior of the change of the measured wheels' share with acceleration",
     )

@@ -194,6 +194,9 @@ def fit(
     meats = np.zeros((p, p))
     for each, part in zip(ids, rows, strict=True):
         meats += meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
+    # noise of the columns times the residuals, both of which last as long as the mean does
+    alike = 2.0 * float(correlation @ correlation) - 1.0
+    meats += added[0].sum(axis=0) * max(alike, 1.0)
     covariance = gain @ (meats * white) @ gain.T
     freedom = max(n / max(2.0 * float(correlation @ correlation) - 1.0, 1.0) - p, 1.0)
     covariance *= student_factor(freedom) ** 2

@@ -48,6 +48,11 @@ _PARTS: Final = {
         "what every start has in common and the model misses",
         "finding its cause: filters, brakes, tyres",
     ),
+    "lag_shape": _Part(
+        "common",
+        "a late force that is neither plainly delayed nor plainly low-passed",
+        "the force without its filter",
+    ),
     "channel_noise": _Part(
         "common",
         "noise of speed and acceleration, known to a quarter",

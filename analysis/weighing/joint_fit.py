@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
+from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Moments, Nuisance
 from estimators import prior_fit
@@ -42,6 +42,8 @@ class JointFit:
         kinematics: what the wheels say of the accelerometer, where there is one.
         mean_samples: length of the mean.
         motion: what was fitted.
+        lag_shape_kg: what it would change to take a lag for a low-pass instead of a delay, or the
+            other way round, where neither makes up for it; else 0.
     """
 
     terms: tuple[Nuisance, ...]
@@ -51,19 +53,21 @@ class JointFit:
     kinematics: Kinematics | None
     mean_samples: int
     motion: Equation
+    lag_shape_kg: float = 0.0
 
     @property
     def parts_kg(self) -> dict[str, float]:
         """What the mass' standard uncertainty is made of, by cause."""
         parts = {
-            "noise": float(np.sqrt(self.fit.noise[0, 0])),
+            "noise": float(np.sqrt(max(self.fit.noise[0, 0], 0.0))),
             **{
                 term.name: abs(float(self.fit.responses[2 + i, 0]))
                 for i, term in enumerate(self.terms)
             },
             "channel_noise": abs(float(self.fit.doubt[0])),
-            "scatter": float(np.sqrt(self.fit.scatter[0, 0])),
-            "misfit": float(np.sqrt(self.fit.misfit[0, 0])),
+            "scatter": float(np.sqrt(max(self.fit.scatter[0, 0], 0.0))),
+            "misfit": float(np.sqrt(max(self.fit.misfit[0, 0], 0.0))),
+            "lag_shape": abs(self.lag_shape_kg) / 2.0,
         }
         wheels = self.kinematics
         if wheels is not None:
@@ -107,7 +111,11 @@ def joint_fit(
         _fitted(motion, noise, priors, terms, wheels, best.mean_samples, _ROUNDS, shift=shift)
         for shift in (True, False)
     )
-    return filtered if filtered.fit.residual_rms < moved.fit.residual_rms else moved
+    filters = filtered.fit.residual_rms < moved.fit.residual_rms
+    chosen, other = (filtered, moved) if filters else (moved, filtered)
+    if not chosen.fit.misfit.any():
+        return chosen
+    return replace(chosen, lag_shape_kg=chosen.mass_kg - other.mass_kg)
 
 
 def _fitted(
@@ -180,16 +188,32 @@ def _once(
     A = np.column_stack(
         [mean(raw.acceleration), mean(raw.speed), *(mean(term.column(raw)) for term in terms)]
     )
+    smoothed = mean(force)
+    weight = _weights(A[:, :2], smoothed, motion, noise, count)
     free = np.full(2, np.inf)
     return prior_fit.fit(
-        A,
-        mean(force),
+        A * weight[:, None],
+        smoothed * weight,
         motion.group,
-        _noise_moments(terms, raw, motion, noise, count),
+        _noise_moments(terms, raw, motion, noise, count, weight),
         np.concatenate([np.zeros(2), prior_mean]),
         np.concatenate([free, prior_std]),
         motion.direction,
     )
+
+
+def _weights(
+    A: Floats, force: Floats, motion: Equation, noise: NoiseOfColumns, count: Ints
+) -> Floats:
+    """Square roots of the samples' weights, (n,): the first means of a start are of few samples."""
+    used = motion.used
+    mass, friction = np.linalg.lstsq(A[used], force[used], rcond=None)[0]
+    gradient = np.array([mass, friction, -1.0])
+    kinds, which = np.unique(count[used], return_inverse=True)
+    variances = np.array([gradient @ noise.covariance(int(k)) @ gradient for k in kinds])
+    weight = np.zeros(count.size)
+    weight[used] = np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
+    return weight
 
 
 def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
@@ -207,7 +231,8 @@ def _noise_moments(
     raw: Moments,
     motion: Equation,
     noise: NoiseOfColumns,
-    count: np.ndarray,
+    count: Ints,
+    weight: Floats,
 ) -> NoiseMoments:
     """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by manoeuvre."""
     used = motion.used
@@ -221,6 +246,7 @@ def _noise_moments(
             slopes[:, j, 1] = term.by_speed(raw)[used]
         if term.by_force is not None:
             slopes[:, j, 2] = term.by_force(raw)[used]
+    slopes *= weight[used][:, None, None]
     kinds, which = np.unique(count[used], return_inverse=True)
     covariances = np.stack([noise.covariance(int(samples)) for samples in kinds])
     moments = prior_fit.noise_moments(slopes, covariances, which, index, ids.size)

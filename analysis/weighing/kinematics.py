@@ -6,7 +6,7 @@ The constant is the speed that it begins with, the slope takes tilt, bias and gr
 (Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its coefficient is 1 / C.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,8 @@ _WIDE_GAIN: Final = 0.3
 #: A gain counts from so many of its deviations, and from this size, on.
 _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
+#: Pitch and acceleration that correlate so well are a squat.
+_TOGETHER: Final = 0.8
 #: Residuals of so many times the noise of the speed: the two do not go together.
 _MISMATCH: Final = 3.0
 
@@ -51,11 +53,31 @@ def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -
     the comparison stumbles over, it is taken off by the pitch; not before, since a body that
     squats pitches as well, and its gravity must be seen as gain.
     """
-    for measured in (motion.specific_force, motion.without_gravity):
-        found = None if measured is None else _compared(measured, motion, noise, priors)
-        if found is not None:
-            return found
-    return None
+    if motion.specific_force is None:
+        return None
+    found = _compared(motion.specific_force, motion, noise, priors)
+    if found is not None or motion.without_gravity is None:
+        return found
+    level = _compared(motion.without_gravity, motion, noise, priors)
+    if level is None:
+        return None
+    # a body that squats under acceleration pitches with it, one on hills does not
+    share, together = _pitches(motion.specific_force - motion.without_gravity, motion)
+    if together < _TOGETHER:
+        return level
+    return replace(level, gain=(-share / (1.0 + share), 0.0), gain_counts=True)
+
+
+def _pitches(gravity: Floats, motion: Equation) -> tuple[float, float]:
+    """By which share of the acceleration the pitch's gravity follows it, and their correlation."""
+    assert motion.without_gravity is not None
+    parts = [np.flatnonzero(motion.group == each) for each in np.unique(motion.group[motion.used])]
+    about = [np.column_stack([motion.without_gravity[part], gravity[part]]) for part in parts]
+    both = np.concatenate([part - part.mean(axis=0) for part in about])
+    (a_a, a_g), (_, g_g) = both.T @ both
+    if not a_a or not g_g:
+        return 0.0, 0.0
+    return float(a_g / a_a), float(abs(a_g) / np.sqrt(a_a * g_g))
 
 
 def _compared(

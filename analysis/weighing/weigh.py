@@ -10,7 +10,7 @@ from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, equation
+from analysis.weighing.equation import Equation, Floats, equation
 from analysis.weighing.joint_fit import JointFit, joint_fit
 from analysis.weighing.nuisances import CURVATURE
 
@@ -18,6 +18,8 @@ from analysis.weighing.nuisances import CURVATURE
 _DISAGREES: Final = 3.0
 #: And by this share of it.
 _MATTERS: Final = 0.005
+#: Means of so many samples of a derivative are differences.
+_LONG: Final = 20
 #: Fewer samples are not fitted.
 _FEWEST: Final = 100
 
@@ -45,6 +47,29 @@ class Weighing:
     curvature_kg: float
 
 
+@dataclass(frozen=True)
+class _OfDerivative:
+    """The noise where the acceleration is the speed's derivative.
+
+    The mean of n of its samples is the difference of two speeds over n steps, which covariances of
+    short lags do not add up to.
+    """
+
+    columns: ColumnNoise
+    rate_hz: float
+
+    def covariance(self, samples: int) -> Floats:
+        """(3, 3) of the trailing mean of so many samples."""
+        found = self.columns.covariance(samples)
+        if samples < _LONG:
+            return found
+        found = found.copy()
+        speed = self.columns.covariance(1)[1, 1]
+        found[0, :] = found[:, 0] = 0.0
+        found[0, 0] = 2.0 * speed * (self.rate_hz / samples) ** 2
+        return found
+
+
 def weigh(
     aligned: pl.DataFrame,
     excitation: pl.DataFrame,
@@ -62,9 +87,11 @@ def weigh(
         machine: wheels, settings, priors.
     """
     settings, priors = machine.settings, machine.settings.priors
-    columns = ColumnNoise.of(X, noise, settings.noise)
-    if columns is None:
+    known = ColumnNoise.of(X, noise, settings.noise)
+    if known is None:
         return None
+    rate_hz = settings.align.rate_hz
+    columns = _OfDerivative(known, rate_hz) if _derived_from_speed(machine) else known
 
     def motion(*, braking: bool) -> Equation:
         return equation(aligned, excitation, gated, machine, columns, braking=braking)
@@ -96,6 +123,13 @@ def weigh(
         float(curved.theta[-1] / curved.std[-1]),
         float(curved.theta[0] - fit.fit.theta[0]),
     )
+
+
+def _derived_from_speed(machine: Machine) -> bool:
+    """Whether what multiplies the mass is the speed's derivative."""
+    channel = machine.channels.get("acc_x_m_s2")
+    kinematic = machine.settings.forces.acceleration == "kinematic"
+    return kinematic and channel is not None and channel.derivative_of == "speed_x_m_s"
 
 
 def _scaled(priors: PriorSettings, times: float) -> PriorSettings:
