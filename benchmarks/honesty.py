@@ -188,6 +188,14 @@ def of_power(found: list[Weighed]) -> str:
     return markdown([POWER, ""], lines)
 
 
+def mixed(*kinds: Iterable[Task]) -> list[Task]:
+    """All tasks, so that whatever is done of them is done of all kinds alike."""
+    placed: list[tuple[float, int, Task]] = []
+    for number, kind in enumerate(map(list, kinds)):
+        placed += [(place / len(kind), number, each) for place, each in enumerate(kind)]
+    return [each for _, _, each in sorted(placed, key=lambda item: item[:2])]
+
+
 def measured(
     tasks: list[Task], processes: int, kept: Path | None
 ) -> tuple[list[Weighed], list[str]]:
@@ -227,7 +235,7 @@ def main(
 ) -> None:
     if quick:
         seeds, designs, power = min(seeds, 3), min(designs, 6), min(power, 20)
-    tasks = [*row_tasks(seeds), *clean_tasks(designs, seeds), *power_tasks(power)]
+    tasks = mixed(row_tasks(seeds), clean_tasks(designs, seeds), power_tasks(power))
     tasks = [each for each in tasks if not only or only in (each.kind, each.name)]
     found, faults = measured(tasks, processes, kept)
     in_rows = [each for each in found if each.row in ROWS]

@@ -20,6 +20,7 @@ HOUSE = ("estimators", "analysis", "recordings", "replay")
 ORDER = (
     ("estimators",),
     ("analysis",),
+    ("analysis/weighing",),
     ("analysis/diagnosis", "analysis/simulation"),
     ("analysis/calibration", "analysis/experiment_design"),
     ("analysis/reproduction",),
