@@ -194,9 +194,13 @@ def fit(
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     gain = bread / variance
     residual = np.where(used, f - A @ theta, 0.0)
-    meats = np.zeros((p, p))
-    for each, part in zip(ids, rows, strict=True):
-        meats += meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
+    meats = np.sum(
+        [
+            meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
+            for each, part in zip(ids, rows, strict=True)
+        ],
+        axis=0,
+    )
     # noise of the columns times the residuals, both of which last as long as the mean does
     alike = 2.0 * float(correlation @ correlation) - 1.0
     meats += added[0].sum(axis=0) * max(alike, 1.0)
@@ -213,8 +217,9 @@ def fit(
         gain, A, residual, [rows[i] for i in told], np.ones(n) if direction is None else direction
     )
     # where noise is nearly all there is, what was not taken off is doubted whole
-    doubted = DOUBT * kept + (1.0 - kept)
-    doubt = doubted * gain @ (added[0].sum(axis=0) @ theta - added[1].sum(axis=0))
+    doubt = (
+        (DOUBT * kept + (1.0 - kept)) * gain @ (added[0].sum(axis=0) @ theta - added[1].sum(axis=0))
+    )
     units = np.outer(scale, scale)
     return PriorFit(
         theta / scale,
