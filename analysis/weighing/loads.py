@@ -5,7 +5,7 @@ import polars as pl
 
 from analysis.check import Verdict
 from analysis.machine import Machine
-from analysis.schema import build
+from analysis.schema import FRAMES, build
 from analysis.weighing.budget import budget, combined, unknown_scale
 from analysis.weighing.weigh import Weighing
 
@@ -22,26 +22,7 @@ def loads(
         verdict: what it forbids is withheld.
     """
     if weighing is None:
-        return build(
-            "loads",
-            pl.DataFrame(
-                {
-                    "load_id": [0],
-                    "manoeuvres": [0],
-                    "withheld": [not verdict.can_weigh],
-                    "withheld_for": ["no manoeuvre of this log was informative enough"],
-                    "braking_left_out": [False],
-                    "scale_unknown": [""],
-                }
-            )
-            .with_columns(
-                **{
-                    name: pl.lit(None, pl.Float64)
-                    for name in ("mass_kg", "u_kg", "payload_kg", "payload_u_kg")
-                }
-            )
-            .to_dict(),
-        )
+        return _no_load(verdict)
     fit, body = weighing.fit, machine.machine
     sources = budget(weighing, machine)
     t_ns = excitation["t_ns"].to_numpy()
@@ -81,6 +62,20 @@ def loads(
             ),
         },
     )
+
+
+def _no_load(verdict: Verdict) -> pl.DataFrame:
+    """One load of which nothing is known."""
+    said = {
+        "load_id": 0,
+        "manoeuvres": 0,
+        "braking_left_out": False,
+        "scale_unknown": "",
+        "withheld": not verdict.can_weigh,
+        "withheld_for": "no manoeuvre of this log was informative enough",
+    }
+    columns = FRAMES["loads"].columns
+    return build("loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns})
 
 
 def net_mass_kg(weighing: Weighing, machine: Machine) -> float:
