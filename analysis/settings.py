@@ -236,6 +236,9 @@ class VerdictLimits(BaseModel):
     gain_max: float = Field(
         0.01, gt=0, description="largest disagreement of wheels and accelerometer that widens none"
     )
+    wheels_max: float = Field(
+        30.0, gt=0, description="largest disagreement of wheels and accelerometer over their noise"
+    )
     scatter_max: float = Field(
         4.0, gt=1, description="largest deviation of the starts over what their noise explains"
     )

@@ -162,6 +162,15 @@ FIT_CHECKS: Final = (
         remedy="machine.wheel_radius_m, machine.imu, or channels.specific_force_x_m_s2.scale",
     ),
     CheckRow(
+        "wheels",
+        "mass",
+        _of_wheels(lambda wheels: wheels.mismatch),
+        "what wheels and accelerometer do not agree about, over the noise of the speed",
+        maximum="wheels_max",
+        applies=_has_wheels,
+        remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
+    ),
+    CheckRow(
         "scatter",
         "mass",
         _of_fit(lambda weighing: weighing.fit.fit.scatter_ratio),
