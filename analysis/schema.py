@@ -306,7 +306,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("braking_left_out", pl.Boolean, "1", "true when braking disagreed"),
                 Column("scale_unknown", pl.String, "1", "what the machine file gives no u for"),
                 Column("withheld", pl.Boolean, "1", "true when the verdict forbids the mass"),
-                Column("reason", pl.String, "1", "why there is no mass (empty when there is)"),
+                Column(
+                    "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
+                ),
             ),
         ),
         Frame(
@@ -326,7 +328,7 @@ FRAMES: Final[dict[str, Frame]] = {
             "budget",
             "a row a source of the mass' uncertainty, the largest first",
             (
-                Column("source", pl.String, "1", "where it comes from"),
+                Column("cause", pl.String, "1", "where it comes from"),
                 Column("kind", pl.String, "1", "random, common or scale"),
                 _f("u_kg", "kg", "standard uncertainty (null where it is not known)"),
                 _f("share_1", "1", "share of the variance"),

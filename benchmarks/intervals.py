@@ -13,7 +13,6 @@ import polars as pl
 import typer
 
 from analysis import Machine
-from analysis.check import Verdict
 from analysis.gate import gate
 from analysis.masses import masses
 from analysis.regressor import straight
@@ -80,7 +79,7 @@ def one_log(frame: pl.DataFrame, machine: Machine) -> dict[str, np.ndarray]:
         if method != "pooled":
             known = table.select("mass_kg", "mass_std_kg").drop_nulls()
             out[f"windows {method}"] = known.to_numpy()
-    for row in masses(frame, gated, estimates, machine, Verdict()).iter_rows(named=True):
+    for row in masses(frame, gated, estimates, machine).iter_rows(named=True):
         out[row["method"]] = np.array([[row["mass_kg"], row["mass_std_kg"]]])
     return out
 

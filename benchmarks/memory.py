@@ -20,8 +20,7 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.check import Verdict
-from analysis.diagnosis import verdict
+from analysis.diagnosis import Evidence, verdict
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
@@ -79,8 +78,8 @@ def worker(hours: float, folder: Path, *, every_window: bool) -> None:
     estimates = trace(excitation, gated, settings)
     peak(f"trace, {len(METHODS)} methods")
     table = segments(excitation, gated, settings)
-    judged = verdict(excitation, gated, machine)
-    totals = masses(excitation, gated, estimates, machine, Verdict())
+    judged = verdict(Evidence(excitation, gated, machine))
+    totals = masses(excitation, gated, estimates, machine)
     peak("segments, verdict, masses")
     frames = {
         "aligned": aligned,

@@ -341,10 +341,10 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "load_id start_t_ns end_t_ns manoeuvres mass_kg u_kg u_random_kg u_common_kg "
             "payload_kg payload_u_kg friction_x_N_s_m friction_x_std_N_s_m "
             "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
-            "scale_unknown withheld reason"
+            "scale_unknown withheld withheld_for"
         ),
         "nuisances": "term unit prior_std posterior posterior_std u_kg meaning",
-        "budget": "source kind u_kg share_1 meaning shrinks",
+        "budget": "cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",
         "calibration": (
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "

@@ -14,16 +14,17 @@ from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
 from recordings.display import span_ns
 from recordings.planar_text import planar, planar_lines
-from recordings.wording import number, plus_minus, table
+from recordings.wording import number, outcome, plus_minus, table
 from recordings.worth_text import budget_rows, load_lines
 
 _NS: Final = 10**9
 _MASS: Final = ("mass_kg", "mass_std_kg")
 _INERTIA: Final = ("inertia_z_kg_m2", "inertia_z_std_kg_m2")
-#: Columns of the table of masses: heading, value, standard deviation.
+#: Columns of the table of masses: heading, value, standard deviation. A payload's is that of its
+#: load, not of a method.
 _MASS_COLUMNS: Final = (
     ("mass (kg)", "mass_kg", "mass_std_kg"),
-    ("payload (kg)", "payload_kg", "mass_std_kg"),
+    ("payload (kg)", "payload_kg", None),
     ("friction (N·s/m)", "friction_x_N_s_m", "friction_x_std_N_s_m"),
     ("Coulomb friction (N)", "coulomb_x_N", "coulomb_x_std_N"),
     ("yaw inertia (kg·m²)", "inertia_z_kg_m2", "inertia_z_std_kg_m2"),
@@ -94,11 +95,9 @@ def summary(run: Run) -> str:
             turns = f", yaw inertia {_of(row, method, *_INERTIA)} kg·m²" if inertia else ""
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_lines(said.planar)
-    outcome = {True: "passed", False: "FAILED", None: "n/a"}
-    lines += [
-        f"{outcome[check.passed]:<8} {check.check} {number(check.value)} ({check.limit})"
-        for check in said.verdict.checks
-    ]
+    for check in said.verdict.checks:
+        came_out = outcome(check, passed="passed", failed="FAILED", absent="n/a")
+        lines.append(f"{came_out:<8} {check.check} {number(check.value)} ({check.limit})")
     return "\n".join(lines)
 
 
@@ -203,8 +202,8 @@ def _losses(about: Provenance) -> list[tuple[str, str, str]]:
     return [(each.source, each.topic, each.what) for each in about.losses]
 
 
-def _of(row: AnswerRow, method: str, value: str, std: str) -> str:
-    return plus_minus(row.value(value, method), row.value(std, method))
+def _of(row: AnswerRow, method: str, value: str, std: str | None) -> str:
+    return plus_minus(row.value(value, method), row.value(std, method) if std else None)
 
 
 def _masses(row: AnswerRow) -> list[str]:
@@ -243,9 +242,9 @@ def _worth(said: Answer) -> list[str]:
 def _verdict(verdict: Verdict) -> list[str]:
     if not verdict.checks:
         return []
-    outcome = {True: "passed", False: "**failed**", None: "does not apply"}
+    words = {"passed": "passed", "failed": "**failed**", "absent": "does not apply"}
     checks = [
-        f"- {outcome[check.passed]}: **{check.check}** {number(check.value)} "
+        f"- {outcome(check, **words)}: **{check.check}** {number(check.value)} "
         f"({check.limit}), {check.meaning}"
         for check in verdict.checks
     ]

@@ -2,6 +2,26 @@
 
 from collections.abc import Iterable, Sequence
 from math import floor, isfinite, log10
+from typing import Final
+
+from analysis.check import Check
+
+#: What a check that failed led to, where it withholds nothing.
+REMARKED: Final = {"widen": "wider", "method": "withheld", "tell": "there"}
+
+
+def outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
+    """A check's outcome in a word: a failed one that withholds nothing is named by its consequence.
+
+    Args:
+        check: any.
+        passed: what to call it when it passed,
+        failed: when it failed and withholds a number,
+        absent: when it does not apply.
+    """
+    if check.passed is None:
+        return absent
+    return passed if check.passed else REMARKED.get(check.consequence, failed)
 
 
 def number(value: object) -> str:

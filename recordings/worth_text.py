@@ -17,7 +17,7 @@ _COVERAGE: Final = 1.96
 def load_lines(load: Mapping[str, Any]) -> list[str]:
     """Mass, payload and how they bear other priors; or the reason why there is none."""
     if load.get("mass_kg") is None:
-        return [f"no mass: {load.get('reason') or 'nothing was fitted'}"]
+        return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
     mass, u = load["mass_kg"], load["u_kg"]
     low, high = mass - _COVERAGE * u, mass + _COVERAGE * u
     lines = [
@@ -47,11 +47,11 @@ def budget_rows(said: Answer) -> list[tuple[str, str, str, str, str]]:
     for source in said.budget:
         share = source["share_1"]
         if source["u_kg"] is None:
-            rows.append((source["source"], source["kind"], "not known", "", source["shrinks"]))
+            rows.append((source["cause"], source["kind"], "not known", "", source["shrinks"]))
         elif share is not None and share >= _SMALL:
             bar = "█" * max(1, round(share * _BAR))
             cells = (f"{bar} {share:.0%}", source["shrinks"])
-            rows.append((source["source"], source["kind"], f"{source['u_kg']:.3g}", *cells))
+            rows.append((source["cause"], source["kind"], f"{source['u_kg']:.3g}", *cells))
     return rows
 
 
@@ -61,5 +61,5 @@ def advice(said: Answer) -> str | None:
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
         return None
     most = known[0]
-    said_of_it = f"{most['source']} ({most['meaning']})"
+    said_of_it = f"{most['cause']} ({most['meaning']})"
     return f"most of it is {said_of_it}; it would shrink with: {most['shrinks']}"

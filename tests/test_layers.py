@@ -20,8 +20,8 @@ HOUSE = ("estimators", "analysis", "recordings", "replay")
 ORDER = (
     ("estimators",),
     ("analysis",),
-    ("analysis/weighing",),
-    ("analysis/diagnosis", "analysis/simulation"),
+    ("analysis/simulation", "analysis/weighing"),
+    ("analysis/diagnosis",),
     ("analysis/calibration", "analysis/experiment_design"),
     ("analysis/reproduction",),
     ("recordings",),

@@ -10,9 +10,13 @@ from analysis.machine import Machine
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
+#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
+_CURVED: Final = 6.0
+_MATTERS: Final = 0.01
+
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class UncertaintySource:
     """Where uncertainty comes from.
 
     Attributes:
@@ -31,7 +35,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _FitPart:
     kind: str
     meaning: str
     shrinks: str
@@ -39,34 +43,39 @@ class _Part:
 
 #: Of the fit, besides the priors.
 _PARTS: Final = {
-    "noise": _Part("random", "noise of this log, through its residuals", "more starts"),
-    "scatter": _Part(
+    "noise": _FitPart("random", "noise of this log, through its residuals", "more starts"),
+    "scatter": _FitPart(
         "random", "starts that disagree with each other", "more starts; a load that does not change"
     ),
-    "misfit": _Part(
+    "misfit": _FitPart(
         "common",
         "what every start has in common and the model misses",
         "finding its cause: filters, brakes, tyres",
     ),
-    "lag_shape": _Part(
+    "lag_shape": _FitPart(
         "common",
         "a late force that is neither plainly delayed nor plainly low-passed",
         "the force without its filter",
     ),
-    "channel_noise": _Part(
+    "channel_noise": _FitPart(
         "common",
         "noise of speed and acceleration, known to a quarter",
         "a quieter accelerometer, or settings.noise",
     ),
-    "speed_delay": _Part(
+    "speed_delay": _FitPart(
         "common", "delay of the speed behind the accelerometer", "topics with one clock"
     ),
-    "gain": _Part(
+    "gain": _FitPart(
         "common",
         "wheels and accelerometer disagree, and the log cannot say which is wrong",
         "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
     ),
-    "curvature": _Part(
+    "braking": _FitPart(
+        "common",
+        "braking and driving say different masses, and driving alone cannot decide",
+        "settings.gate.exclude_braking = true, or a force that sees all brakes",
+    ),
+    "curvature": _FitPart(
         "common",
         "a force that is not linear in the acceleration",
         "force measured on all wheels; brakes that are seen whole",
@@ -120,23 +129,23 @@ _SCALES: Final = (
 )
 
 
-def budget(weighing: Weighing, machine: Machine) -> list[Source]:
+def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     """Every source of the mass' uncertainty, the largest first, the unknown ones last."""
     fit, body = weighing.fit, machine.machine
     priors = {term.name: term for term in NUISANCES}
-    sources: list[Source] = []
-    for name, u_kg in {**fit.parts_kg, **curvature(weighing)}.items():
+    sources: list[UncertaintySource] = []
+    for name, u_kg in {**fit.parts_kg, **doubts(weighing)}.items():
         if name in priors:
             term = priors[name]
-            sources.append(Source(name, "common", u_kg, term.meaning, term.shrinks))
+            sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
         elif u_kg > 0.0:
             part = _PARTS[name]
-            sources.append(Source(name, part.kind, u_kg, part.meaning, part.shrinks))
+            sources.append(UncertaintySource(name, part.kind, u_kg, part.meaning, part.shrinks))
     for scale in _SCALES:
         if scale.applies(machine):
             relative = scale.relative(machine)
             sources.append(
-                Source(
+                UncertaintySource(
                     scale.name,
                     "scale",
                     None if relative is None else relative * abs(fit.mass_kg),
@@ -146,7 +155,7 @@ def budget(weighing: Weighing, machine: Machine) -> list[Source]:
             )
     if body.rotating_mass_u_kg:
         sources.append(
-            Source(
+            UncertaintySource(
                 "rotating_mass",
                 "scale",
                 body.rotating_mass_u_kg,
@@ -157,19 +166,23 @@ def budget(weighing: Weighing, machine: Machine) -> list[Source]:
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
 
 
-def curvature(weighing: Weighing) -> dict[str, float]:
-    """What a force that is not linear in the acceleration costs, where it shows."""
+def doubts(weighing: Weighing) -> dict[str, float]:
+    """What else a check of the fit widens the answer by, in kg, where it shows."""
+    found: dict[str, float] = {}
     t, kg = weighing.curvature_t, weighing.curvature_kg
-    shows = abs(t) > 6.0 and abs(kg) > 0.01 * abs(weighing.fit.mass_kg)
-    return {"curvature": abs(kg)} if shows else {}
+    if abs(t) > _CURVED and abs(kg) > _MATTERS * abs(weighing.fit.mass_kg):
+        found["curvature"] = abs(kg)
+    if weighing.braking_doubted:
+        found["braking"] = abs(weighing.braking_kg)
+    return found
 
 
-def unknown_scale(sources: list[Source]) -> list[str]:
+def unknown_scale(sources: list[UncertaintySource]) -> list[str]:
     """The sources that the machine file should state and does not."""
     return [source.name for source in sources if source.u_kg is None]
 
 
-def combined(sources: list[Source], *kinds: str) -> float:
+def combined(sources: list[UncertaintySource], *kinds: str) -> float:
     """The root sum of squares of the sources of some kinds, or of all, in kg."""
     return float(
         np.sqrt(sum(s.u_kg**2 for s in sources if s.u_kg and (not kinds or s.kind in kinds)))

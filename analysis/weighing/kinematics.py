@@ -18,6 +18,8 @@ from estimators.prior_fit import NoiseMoments
 
 #: Means of so many samples are compared, and manoeuvres shorter than ten of them are not.
 _MEAN: Final = 10
+#: Means so near hold nearly the same.
+_EVERY: Final = 3
 #: A gain is looked for without leaning on its prior: this wide.
 _WIDE_GAIN: Final = 0.3
 #: A gain counts from so many of its deviations, and from this size, on.
@@ -90,7 +92,7 @@ def _compared(
 
     def solved(gain_std: float) -> prior_fit.PriorFit:
         widths = np.array([gain_std, slip_std, priors.speed_delay_s])
-        return prior_fit.fit(*rows, np.zeros(3), widths)
+        return prior_fit.fit(*rows, np.zeros(3), widths, shortest=10 * _MEAN // _EVERY)
 
     wide = solved(_WIDE_GAIN)
     if wide.residual_rms > _MISMATCH * float(np.sqrt(noise.covariance(_MEAN)[1, 1])):
@@ -115,7 +117,7 @@ def _rows(
     kernel = np.full(_MEAN, 1.0 / _MEAN)
 
     def mean(x: Floats) -> Floats:
-        return np.convolve(x, kernel, "valid")
+        return np.convolve(x, kernel, "valid")[::_EVERY]
 
     columns: list[Floats] = []
     responses: list[Floats] = []

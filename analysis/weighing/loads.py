@@ -5,7 +5,7 @@ import polars as pl
 
 from analysis.check import Verdict
 from analysis.machine import Machine
-from analysis.schema import build
+from analysis.schema import FRAMES, build
 from analysis.weighing.budget import budget, combined, unknown_scale
 from analysis.weighing.weigh import Weighing
 
@@ -22,26 +22,7 @@ def loads(
         verdict: what it forbids is withheld.
     """
     if weighing is None:
-        return build(
-            "loads",
-            pl.DataFrame(
-                {
-                    "load_id": [0],
-                    "manoeuvres": [0],
-                    "withheld": [not verdict.can_weigh],
-                    "reason": ["no manoeuvre of this log was informative enough"],
-                    "braking_left_out": [False],
-                    "scale_unknown": [""],
-                }
-            )
-            .with_columns(
-                **{
-                    name: pl.lit(None, pl.Float64)
-                    for name in ("mass_kg", "u_kg", "payload_kg", "payload_u_kg")
-                }
-            )
-            .to_dict(),
-        )
+        return _no_load(verdict)
     fit, body = weighing.fit, machine.machine
     sources = budget(weighing, machine)
     t_ns = excitation["t_ns"].to_numpy()
@@ -76,9 +57,25 @@ def loads(
             "braking_left_out": pl.Series([weighing.braking_left_out]),
             "scale_unknown": pl.Series([", ".join(unknown_scale(sources))]),
             "withheld": pl.Series([not told]),
-            "reason": pl.Series(["" if told else ", ".join(withheld) or "the fit has no number"]),
+            "withheld_for": pl.Series(
+                ["" if told else ", ".join(withheld) or "the fit has no number"]
+            ),
         },
     )
+
+
+def _no_load(verdict: Verdict) -> pl.DataFrame:
+    """One load of which nothing is known."""
+    said = {
+        "load_id": 0,
+        "manoeuvres": 0,
+        "braking_left_out": False,
+        "scale_unknown": "",
+        "withheld": not verdict.can_weigh,
+        "withheld_for": "no manoeuvre of this log was informative enough",
+    }
+    columns = FRAMES["loads"].columns
+    return build("loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns})
 
 
 def net_mass_kg(weighing: Weighing, machine: Machine) -> float:
@@ -115,7 +112,7 @@ def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     return build(
         "budget",
         {
-            "source": pl.Series([source.name for source in sources]),
+            "cause": pl.Series([source.name for source in sources]),
             "kind": pl.Series([source.kind for source in sources]),
             "u_kg": u_kg,
             "share_1": u_kg**2 / total**2 if total else u_kg * np.nan,
@@ -132,6 +129,6 @@ _EMPTY = {
     },
     "budget": {
         name: pl.Series([], dtype=pl.Float64 if name in ("u_kg", "share_1") else pl.String)
-        for name in ("source", "kind", "u_kg", "share_1", "meaning", "shrinks")
+        for name in ("cause", "kind", "u_kg", "share_1", "meaning", "shrinks")
     },
 }

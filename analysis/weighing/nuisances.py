@@ -67,7 +67,7 @@ NUISANCES: Final = (
         "const",
         "N",
         lambda m: np.ones_like(m.speed),
-        lambda e, s: s.const_share * e.largest_force,
+        lambda e, s: np.hypot(s.const_share * e.largest_force, s.const_weight_share * e.weight),
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
@@ -111,7 +111,9 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction,
-        lambda e, s: s.direction_share * e.largest_force,
+        lambda e, s: np.hypot(
+            s.direction_share * e.largest_force, s.direction_weight_share * e.weight
+        ),
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.both_ways,

@@ -11,11 +11,13 @@ from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, equation
-from analysis.weighing.joint_fit import JointFit, joint_fit
+from analysis.weighing.joint_fit import JointFit, again, joint_fit
 from analysis.weighing.nuisances import CURVATURE
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
 _DISAGREES: Final = 3.0
+#: It is doubted when it moves it by so many of the answer's.
+_DOUBTED: Final = 2.0
 #: And by this share of it.
 _MATTERS: Final = 0.005
 #: Means of so many samples of a derivative are differences.
@@ -34,6 +36,8 @@ class Weighing:
         doubled_kg: the mass with priors twice as wide.
         braking_kg: by how much braking would move the mass; NaN where it does not count as driving.
         braking_left_out: whether it disagreed and is left out.
+        braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
+            driving alone can contradict.
         curvature_t: how many deviations a term in a·|a| is from 0.
         curvature_kg: how far it would move the mass.
     """
@@ -43,6 +47,7 @@ class Weighing:
     doubled_kg: float
     braking_kg: float
     braking_left_out: bool
+    braking_doubted: bool
     curvature_t: float
     curvature_kg: float
 
@@ -109,17 +114,17 @@ def weigh(
             allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
             left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
             fit = alone if left_out else fit
+    doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
-    def again(times: float) -> float:
-        return joint_fit(fit.motion, columns, _scaled(priors, times)).mass_kg
-
-    curved = joint_fit(fit.motion, columns, priors, (CURVATURE,)).fit
+    halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
+    curved = again(fit, columns, priors, (CURVATURE,)).fit
     return Weighing(
         fit,
-        again(0.5),
-        again(2.0),
+        halved.mass_kg,
+        doubled.mass_kg,
         braking_kg,
         left_out,
+        doubted,
         float(curved.theta[-1] / curved.std[-1]),
         float(curved.theta[0] - fit.fit.theta[0]),
     )

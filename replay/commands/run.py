@@ -124,7 +124,6 @@ def _print_verdict(screen: "Console", answer: "Answer") -> None:
         )
 
 
-_STATES = {"widen": "wider", "method": "withheld", "tell": "there"}
 _CONSEQUENCES = {
     "widen": "widened",
     "method": "methods not shown",
@@ -183,6 +182,7 @@ def _number(row: "AnswerRow", method: str, name: str, std_name: str | None) -> s
 
 
 def _checks(checks: "Sequence[Check]") -> "Table":
+    from recordings.wording import outcome
     from replay.commands.printing import plain_table
 
     table = plain_table("check", "value", "limit")
@@ -190,9 +190,6 @@ def _checks(checks: "Sequence[Check]") -> "Table":
     table.add_column("meaning", overflow="fold")
     for check in checks:
         value = "–" if check.value is None else f"{check.value:.3g}"
-        state = {True: "ok", None: "n/a"}.get(check.passed)
-        if state is None:
-            forbids = check.consequence == "withhold"
-            state = "[red]failed[/]" if forbids else _STATES[check.consequence]
+        state = outcome(check, passed="ok", failed="[red]failed[/]", absent="n/a")
         table.add_row(check.check, value, check.limit, state, check.meaning)
     return table

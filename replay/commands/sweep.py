@@ -209,7 +209,8 @@ def _verdict(row: Row) -> Sequence[str]:
 
 
 def _failed(row: Row) -> list[str]:
-    return [check.check for check in row.answer.verdict.checks if check.passed is False]
+    verdict = row.answer.verdict
+    return [check.check for check in (*verdict.failed("mass"), *verdict.failed("inertia"))]
 
 
 def _by_method(row: Row, quantity: str) -> Mapping[str, float | None]:

@@ -8,10 +8,10 @@ import polars as pl
 from analysis.align import align
 from analysis.check import Verdict
 from analysis.derive import derive
-from analysis.diagnosis import verdict
+from analysis.diagnosis import Evidence, verdict
 from analysis.forces import forces
 from analysis.gate import gate
-from analysis.masses import masses
+from analysis.masses import masses, withhold
 from analysis.simulation import Scenario, solve_motion
 from analysis.smooth import smooth
 from analysis.stamps import place
@@ -72,7 +72,8 @@ def pooled(log, machine, method="pooled"):
     excited = excitation(log, machine)
     settings = machine.settings
     gated = gate(excited, settings)
-    opinion = Verdict.of(verdict(excited, gated, machine))
-    table = masses(excited, gated, trace(excited, gated, settings), machine, opinion)
+    table = masses(excited, gated, trace(excited, gated, settings), machine)
+    opinion = Verdict.of(verdict(Evidence(excited, gated, machine)))
+    table = withhold(table, opinion, ())
     row = table.row(by_predicate=pl.col("method") == method, named=True)
     return row["mass_kg"], row["mass_std_kg"]

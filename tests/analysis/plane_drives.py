@@ -11,11 +11,11 @@ from analysis.align import align
 from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
 from analysis.derive import derive
-from analysis.diagnosis import verdict
+from analysis.diagnosis import Evidence, verdict
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
-from analysis.masses import masses
+from analysis.masses import masses, withhold
 from analysis.mounting import rotation
 from analysis.planar import planar
 from analysis.segments import segments
@@ -165,7 +165,7 @@ def replayed(said, loader=None):
     noise = channel_noise(aligned, excitation, loader)
     gated = gate(excitation, settings, noise)
     estimates = trace(excitation, gated, settings, noise)
-    judged = verdict(excitation, gated, loader)
+    judged = verdict(Evidence(excitation, gated, loader))
     opinion = Verdict.of(judged)
     return {
         "aligned": aligned,
@@ -175,6 +175,6 @@ def replayed(said, loader=None):
         **{f"estimates/{method}": each for method, each in estimates.items()},
         "segments": segments(excitation, gated, settings, noise),
         "verdict": judged,
-        "masses": masses(excitation, gated, estimates, loader, opinion, noise),
+        "masses": withhold(masses(excitation, gated, estimates, loader, noise), opinion, ()),
         "planar": planar(excitation, gated, opinion, settings, noise),
     }

@@ -6,7 +6,6 @@ import pytest
 
 from analysis.align import align
 from analysis.channel_noise import channel_noise
-from analysis.check import Verdict
 from analysis.derive import derive
 from analysis.forces import forces
 from analysis.gate import gate
@@ -64,7 +63,7 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     noise = channel_noise(aligned, excitation, machine) if known else None
     gated = gate(excitation, machine.settings, noise)
     estimates = trace(excitation, gated, machine.settings, noise)
-    table = masses(excitation, gated, estimates, machine, Verdict(), noise)
+    table = masses(excitation, gated, estimates, machine, noise)
     rows = {row["method"]: row for row in table.iter_rows(named=True)}
     return rows, estimates["ls"]["mass_kg"].drop_nulls().to_numpy(), gated
 

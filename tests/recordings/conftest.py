@@ -111,6 +111,9 @@ def straight_drives(
         **{f"estimates/{m}": _estimates(m, gate, rng) for m in METHODS},
         "segments": _segments(duration_s, accepted, rng),
         "planar": _planar(passed),
+        "loads": _loads(accepted, passed),
+        "nuisances": _nuisances(),
+        "budget": _budget(),
         "masses": _masses(rng, accepted, passed),
         "verdict": _verdict(passed),
     }
@@ -252,6 +255,70 @@ def _masses(rng: np.random.Generator, accepted: bool, passed: bool) -> pl.DataFr
     return conform("masses", frame.with_columns(payload_kg=pl.col("mass_kg") - 2850.0))
 
 
+def _loads(accepted: bool, passed: bool) -> pl.DataFrame:
+    """One load, the whole log's."""
+    numbers = {
+        "mass_kg": MASS_KG,
+        "u_kg": 41.0,
+        "u_random_kg": 9.0,
+        "u_common_kg": 40.0,
+        "payload_kg": MASS_KG - 2850.0,
+        "payload_u_kg": 41.0,
+        "friction_x_N_s_m": FRICTION_N_S_M,
+        "friction_x_std_N_s_m": 60.0,
+        "mass_halved_priors_kg": MASS_KG + 3.0,
+        "mass_doubled_priors_kg": MASS_KG - 4.0,
+    }
+    told = accepted and passed
+    reason = "" if told else "relative_std" if accepted else "no manoeuvre was informative enough"
+    rows = {
+        "load_id": [0],
+        "start_t_ns": [0],
+        "end_t_ns": [110 * 10**9],
+        "manoeuvres": [9 if accepted else 0],
+        **{name: [value if told else None] for name, value in numbers.items()},
+        "mean_samples": [20],
+        "braking_left_out": [False],
+        "scale_unknown": ["force_gain"],
+        "withheld": [not told],
+        "withheld_for": [reason],
+    }
+    return conform("loads", pl.DataFrame(rows))
+
+
+def _nuisances() -> pl.DataFrame:
+    return conform(
+        "nuisances",
+        pl.DataFrame(
+            {
+                "term": ["const", "lag"],
+                "unit": ["N", "s"],
+                "prior_std": [300.0, 0.02],
+                "posterior": [120.0, -0.003],
+                "posterior_std": [40.0, 0.001],
+                "u_kg": [12.0, 1.5],
+                "meaning": ["a constant force", "how late the force is"],
+            }
+        ),
+    )
+
+
+def _budget() -> pl.DataFrame:
+    return conform(
+        "budget",
+        pl.DataFrame(
+            {
+                "cause": ["const", "noise", "force_gain"],
+                "kind": ["common", "random", "scale"],
+                "u_kg": [40.0, 9.0, None],
+                "share_1": [0.95, 0.05, None],
+                "meaning": ["a constant force", "noise of this log", "gain of the force sensors"],
+                "shrinks": ["starts in both directions", "more starts", "known loads"],
+            }
+        ),
+    )
+
+
 def _verdict(passed: bool) -> pl.DataFrame:
     frame = pl.DataFrame(
         {
@@ -266,6 +333,8 @@ def _verdict(passed: bool) -> pl.DataFrame:
                 "standard deviation of the mass over the mass, all moving samples",
                 "wheel acceleration over IMU acceleration",
             ],
+            "consequence": ["withhold"] * 3,
+            "remedy": ["", "more starts", ""],
         },
         schema_overrides={"value": pl.Float64, "passed": pl.Boolean},
     )

@@ -205,7 +205,7 @@ def test_what_is_shaded_are_the_accepted_windows(drives):
 
 def test_the_answer_and_the_checks_are_written_above(drives):
     head = draw_run(drives(60.0)).subfigs[0]
-    assert "kg (pooled, one standard deviation)" in head._suptitle.get_text()
+    assert "3500 ± 41 kg (standard uncertainty, scale not known)" in head._suptitle.get_text()
     (text,) = (each.get_text() for each in head.axes[0].texts)
     assert "passed   partial_correlation 0.93" in text
 

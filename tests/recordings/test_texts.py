@@ -9,11 +9,36 @@ from recordings.planar_text import planar_lines
 from recordings.texts import headline, number, plus_minus, recording_name, summary, texts
 
 
-def test_the_answer_begins_with_the_pooled_mass_and_its_standard_deviation(drives):
+def test_the_answer_begins_with_the_mass_of_the_load_and_what_its_uncertainty_is(drives):
     run = drives(60.0)
+    told = "3500 ± 41 kg (standard uncertainty, scale not known)"
+    assert headline(answer(run)) == told
+    assert texts(run)["answer"].startswith(f"# {told}")
+    scaled = run.frames["loads"].with_columns(scale_unknown=pl.lit(""))
+    known = Run({**run.frames, "loads": scaled}, run.provenance)
+    assert headline(answer(known)) == "3500 ± 41 kg (standard uncertainty)"
+
+
+def test_a_run_without_loads_begins_with_the_pooled_mass_and_says_whose_deviation_it_is(drives):
+    """As recordings from before the joint fit are."""
+    run = drives(60.0)
+    kept = {n: f for n, f in run.frames.items() if n not in ("loads", "nuisances", "budget")}
     mass, std = run.frames["masses"].filter(method="pooled").row(0)[1:3]
-    assert headline(answer(run)) == f"{mass:.0f} ± {std:.0f} kg (pooled, one standard deviation)"
-    assert texts(run)["answer"].startswith(f"# {headline(answer(run))}")
+    told = headline(answer(Run(kept, run.provenance)))
+    assert told == f"{mass:.0f} ± {std:.0f} kg (pooled, statistical standard deviation)"
+
+
+def test_a_check_that_fails_and_withholds_nothing_is_not_called_failed(drives):
+    run = drives(60.0)
+    judged = run.frames["verdict"].with_columns(
+        passed=pl.Series([False, False, True]), consequence=pl.Series(["widen", "tell", "withhold"])
+    )
+    told = Run({**run.frames, "verdict": judged}, run.provenance)
+    assert headline(answer(told)) == headline(answer(run))
+    assert "failed" not in texts(told)["answer"]
+    assert "- wider: **partial_correlation**" in texts(told)["answer"]
+    assert "there    relative_std" in summary(told)
+    assert "FAILED" not in summary(told)
 
 
 def test_a_withheld_mass_says_which_checks_failed_with_number_and_limit(drives):
