@@ -1,9 +1,10 @@
 """Whether the answer's interval holds on machines that the model does not describe.
 
-    python -P benchmarks/honesty.py [--seeds 20] [--quick] [--json FILE] [--write]
+    python -P benchmarks/honesty.py [--seeds 20] [--quick] [--json FILE] [--read FILE] [--write]
 
 Simulates logs of every situation, on the loader and on machines that are drawn, replays them in
-memory and compares the mass with the truth. `--write` puts the tables into docs/honesty.md.
+memory and compares the mass with the truth. `--json` keeps the answers, a line each, as they come;
+`--read` makes the tables of them without another run; `--write` puts them into docs/honesty.md.
 """
 
 import json
@@ -33,11 +34,14 @@ from benchmarks.honesty_rows import (
     log,
     power_tasks,
     row_tasks,
+    width_tasks,
 )
 from benchmarks.page import markdown, put
 from benchmarks.weighed import Weighed
 from estimators.errors import PayscopeError
 
+#: Of logs of a power-limited motor, a seed of the rows.
+POWER_LOGS = 20
 HEAD = ["row", "logs", "withheld", "wrong", "within 2 u", "median error ± median u, kg"]
 
 
@@ -223,33 +227,52 @@ def measured(
     return found, faults
 
 
-def main(
-    seeds: int = 20,
-    designs: int = 18,
-    power: int = 400,
-    quick: bool = False,
-    processes: int = 2,
-    only: str = "",
-    kept: Annotated[Path | None, typer.Option("--json")] = None,
-    write: bool = False,
-) -> None:
-    if quick:
-        seeds, designs, power = min(seeds, 3), min(designs, 6), min(power, 20)
-    tasks = mixed(row_tasks(seeds), clean_tasks(designs, seeds), power_tasks(power))
-    tasks = [each for each in tasks if not only or only in (each.kind, each.name)]
-    found, faults = measured(tasks, processes, kept)
+def kept_answers(path: Path) -> list[Weighed]:
+    """Answers that an earlier run kept."""
+    found: list[Weighed] = []
+    for text in path.read_text(encoding="utf-8").splitlines():
+        content = json.loads(text)
+        del content["deviations"]
+        found.append(Weighed(**content))
+    return found
+
+
+def shown(found: list[Weighed], *, write: bool) -> None:
+    """Print the tables, and put them into the documentation."""
     in_rows = [each for each in found if each.row in ROWS]
     table, totals = of_rows(in_rows)
     clean, power_table = f"{of_clean(found)}\n\n{of_widths(found)}", of_power(found)
     above = worst(in_rows)
     print(table, totals, f"more than 3 of 20 wrong:\n{above}", clean, power_table, sep="\n\n")
-    for fault in faults:
-        print(fault)
     if write:
         put("honesty.md", "honesty rows", table)
         put("honesty.md", "honesty totals", f"{totals}\n\nMore than 3 of 20 wrong:\n\n{above}")
         put("honesty.md", "honesty clean", clean)
         put("honesty.md", "honesty power", power_table)
+
+
+def main(
+    seeds: int = 20,
+    quick: bool = False,
+    processes: int = 2,
+    only: str = "",
+    kept: Annotated[Path | None, typer.Option("--json")] = None,
+    read: Annotated[Path | None, typer.Option("--read")] = None,
+    write: bool = False,
+) -> None:
+    if quick:
+        seeds = min(seeds, 3)
+    if read is not None:
+        shown(kept_answers(read), write=write)
+        return
+    tasks = mixed(
+        row_tasks(seeds), clean_tasks(seeds), width_tasks(seeds), power_tasks(POWER_LOGS * seeds)
+    )
+    tasks = [each for each in tasks if not only or only in (each.kind, each.name)]
+    found, faults = measured(tasks, processes, kept)
+    shown(found, write=write)
+    for fault in faults:
+        print(fault)
     if faults:
         raise SystemExit(1)
 

@@ -159,11 +159,21 @@ _NARROWED = (
 )
 
 
-def clean_tasks(designs: int, seeds: int) -> Iterator[Task]:
+#: Clean machines, each in as many logs as there are seeds.
+DESIGNS = 18
+
+
+def clean_tasks(seeds: int) -> Iterator[Task]:
+    """Every clean machine with its nuisances and without."""
     for number in range(seeds):
-        for design in range(designs):
+        for design in range(DESIGNS):
             for name in CLEAN:
                 yield Task("clean", name, f"design {design}", 3_000_000 + 1000 * design + number)
+
+
+def width_tasks(seeds: int) -> Iterator[Task]:
+    """The loader as the model has it, with priors as they are and narrow ones."""
+    for number in range(seeds):
         for name in (*WIDTHS, *NARROW):
             yield Task("width", name, "loader", 4_000_000 + number)
 
