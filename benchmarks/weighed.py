@@ -35,7 +35,8 @@ class Weighed:
         reason: why it is withheld, empty where it is not.
         smallest: of the methods that are shown, over the true mass.
         pooled_std: the paper's deviation of `pooled`.
-        terms: of the fit: value over its deviation, and the mass' uncertainty by it in kg.
+        terms: of the fit: value over its deviation, the mass' uncertainty by it in kg, and the value
+            over the width of its prior.
         starts: simulated.
     """
 
@@ -48,7 +49,7 @@ class Weighed:
     reason: str
     smallest: float | None = None
     pooled_std: float | None = None
-    terms: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    terms: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     starts: int = 0
 
     @property
@@ -127,6 +128,7 @@ def answer(row: str, design: str, scenario: Scenario, log: SimulatedLog, replaye
         each["term"]: (
             _number(each["posterior"] / each["posterior_std"]) or 0.0,
             _number(each["u_kg"]) or 0.0,
+            _number(each["posterior"] / each["prior_std"]) or 0.0,
         )
         for each in found.iter_rows(named=True)
     }
@@ -138,7 +140,7 @@ def answer(row: str, design: str, scenario: Scenario, log: SimulatedLog, replaye
         true_kg,
         None if withheld else load["mass_kg"],
         None if withheld else load["u_kg"],
-        load["reason"],
+        load["withheld_for"],
         float(shown.min()) / true_kg if shown.size else None,
         _number(pooled["mass_std_kg"][0]) if pooled.height else None,
         terms,
