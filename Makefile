@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test check lint types tests slow golden golden-update docs campaign coverage decoding forgetting gates reproduction reading speed memory fuzz lock clean help
+.PHONY: demo test check lint types tests slow golden golden-update docs campaign coverage decoding forgetting gates honesty reproduction reading speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -70,6 +70,9 @@ forgetting: $(TEST_STAMP) ## which λ to forget with, into the documentation (fo
 
 gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fifteen minutes)
 	$(BIN)/python -P benchmarks/gates.py --write
+
+honesty: $(TEST_STAMP) ## whether the answer's interval holds on machines unlike the model, into the documentation (an hour)
+	$(BIN)/python -P benchmarks/honesty.py --write
 
 reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force

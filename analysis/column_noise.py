@@ -74,7 +74,8 @@ class ColumnNoise:
 
     def _summed(self, weights: Floats) -> Floats:
         """The covariances of all lags, earlier and later, weighed by `weights` (lags,)."""
-        later = self.covariances[:, :, 1:] @ weights[1:]
+        # summed without BLAS, whose last bits depend on its threads: on board they are the replay's
+        later = np.einsum("ijk,k->ij", self.covariances[:, :, 1:], weights[1:])
         return self.covariances[:, :, 0] * weights[0] + later + later.T
 
 

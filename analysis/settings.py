@@ -153,7 +153,10 @@ class PriorSettings(BaseModel):
 
     model_config = _PART
 
-    const_share: float = Field(0.06, gt=0, description="prior of a constant force, as a share")
+    const_share: float = Field(0.05, gt=0, description="prior of a constant force, as a share")
+    const_weight_share: float = Field(
+        0.01, gt=0, description="and as a share of the machine's weight, both added in quadrature"
+    )
     lag_s: float = Field(0.02, gt=0, description="prior of the force's delay")
     lag_drift_s: float = Field(0.01, gt=0, description="prior of that delay's change over the log")
     slip_share: float = Field(
@@ -165,6 +168,9 @@ class PriorSettings(BaseModel):
     direction_share: float = Field(
         0.05, gt=0, description="prior of Coulomb friction where the log drives both ways, a share"
     )
+    direction_weight_share: float = Field(
+        0.01, gt=0, description="and as a share of the machine's weight, likewise"
+    )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
     speed_delay_s: float = Field(
         0.02, gt=0, description="prior of the speed's delay behind the accelerometer"
@@ -173,7 +179,7 @@ class PriorSettings(BaseModel):
         0.07, gt=0, description="prior of the wheels' slip at full force, as a share of the speed"
     )
     load_transfer_s2_m: float = Field(
-        0.005,
+        0.015,
         gt=0,
         description="prior of the change of the measured wheels' share with acceleration",
     )
@@ -214,6 +220,12 @@ class VerdictLimits(BaseModel):
     spin_centre_max_m: float = Field(
         0.1, gt=0, description="farthest that spins may turn about from the origin"
     )
+    force_sign_min: float = Field(
+        -0.5, ge=-1, le=1, description="least such correlation of a force that is not inverted"
+    )
+    gated_max: float = Field(
+        3.0, gt=0, description="largest deviations between gated and ungated pooled masses"
+    )
     friction_t_min: float = Field(
         -4.0, description="least friction of the answer over its standard deviation"
     )
@@ -223,6 +235,9 @@ class VerdictLimits(BaseModel):
     lag_max_s: float = Field(0.1, gt=0, description="largest delay of the force, or of the speed")
     gain_max: float = Field(
         0.01, gt=0, description="largest disagreement of wheels and accelerometer that widens none"
+    )
+    wheels_max: float = Field(
+        30.0, gt=0, description="largest disagreement of wheels and accelerometer over their noise"
     )
     scatter_max: float = Field(
         4.0, gt=1, description="largest deviation of the starts over what their noise explains"

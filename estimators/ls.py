@@ -243,7 +243,8 @@ def residual_noise(theta: Floats, noise: Floats) -> Floats:
     """Variance (m,) of the noise in f - Aθ of m windows, θ (p, m), from that of [A f]."""
     p = len(theta)
     own = np.einsum("ik,ij,jk->k", theta, noise[:p, :p], theta)
-    return np.maximum(own + noise[p, p] - 2.0 * noise[:p, p] @ theta, 0.0)
+    shared = np.einsum("i,ik->k", noise[:p, p], theta)
+    return np.maximum(own + noise[p, p] - 2.0 * shared, 0.0)
 
 
 def trace(

@@ -25,8 +25,9 @@ _LARGEST_NOISE_SHARE: Final = 0.5
 _DISAGREE: Final = 2.5
 #: What all groups miss alike counts from this ratio to its noise on.
 _MISFIT: Final = 2.0
-#: Shorter groups tell nothing of their own.
-_SHORTEST_GROUP: Final = 50
+#: With fewer groups the deviation by the residuals counts so many times.
+_FEW_GROUPS: Final = 3
+_OF_FEW: Final = 2.0
 _ROUNDS: Final = 3
 
 
@@ -136,6 +137,7 @@ def fit(
     prior_mean: Floats,
     prior_std: Floats,
     direction: Floats | None = None,
+    shortest: int = 50,
 ) -> PriorFit:
     """Fit θ of A θ = f.
 
@@ -147,6 +149,7 @@ def fit(
         prior_mean: (p,).
         prior_std: (p,), inf where nothing is known.
         direction: (n,) sign by which what a group misses is compared with the others; None: 1.
+        shortest: groups of fewer samples tell nothing of their own.
 
     Returns:
         The fit; NaN throughout where the samples do not determine it.
@@ -191,21 +194,32 @@ def fit(
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     gain = bread / variance
     residual = np.where(used, f - A @ theta, 0.0)
-    meats = np.zeros((p, p))
-    for each, part in zip(ids, rows, strict=True):
-        meats += meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
+    meats = np.sum(
+        [
+            meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
+            for each, part in zip(ids, rows, strict=True)
+        ],
+        axis=0,
+    )
+    # noise of the columns times the residuals, both of which last as long as the mean does
+    alike = 2.0 * float(correlation @ correlation) - 1.0
+    meats += added[0].sum(axis=0) * max(alike, 1.0)
     covariance = gain @ (meats * white) @ gain.T
     freedom = max(n / max(2.0 * float(correlation @ correlation) - 1.0, 1.0) - p, 1.0)
     covariance *= student_factor(freedom) ** 2
-    told = [i for i, part in enumerate(rows) if part.size >= _SHORTEST_GROUP]
+    told = [i for i, part in enumerate(rows) if part.size >= shortest]
+    if len(told) < _FEW_GROUPS:
+        # nothing tells what they miss alike, or how they scatter
+        covariance *= _OF_FEW**2
     scores = (crosses - kept * added[1]) - (grams - kept * added[0]) @ theta
     scatter, ratio = _between_groups(gain, scores[told], covariance)
     misfit, common = _common_misfit(
         gain, A, residual, [rows[i] for i in told], np.ones(n) if direction is None else direction
     )
     # where noise is nearly all there is, what was not taken off is doubted whole
-    doubted = DOUBT * kept + (1.0 - kept)
-    doubt = doubted * gain @ (added[0].sum(axis=0) @ theta - added[1].sum(axis=0))
+    doubt = (
+        (DOUBT * kept + (1.0 - kept)) * gain @ (added[0].sum(axis=0) @ theta - added[1].sum(axis=0))
+    )
     units = np.outer(scale, scale)
     return PriorFit(
         theta / scale,

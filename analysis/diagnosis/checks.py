@@ -54,6 +54,10 @@ def verdict(evidence: Evidence) -> pl.DataFrame:
     return build("verdict", frame.with_columns(passed=passed).to_dict())
 
 
+#: A force that correlates so well with the deceleration has its sign.
+_FOLLOWS: Final = 0.8
+
+
 def _partial_correlation(_: Evidence, motion: Motion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
@@ -69,6 +73,17 @@ def _r_squared(_: Evidence, motion: Motion) -> float:
 
 def _opposing_share(_: Evidence, motion: Motion) -> float:
     return 1.0 - fit_quality.along_share(motion.speed, motion.f, motion.braking)
+
+
+def _lost_sign_shows(_: Evidence, motion: Motion) -> bool:
+    """Whether braking could show a lost sign: not where force falls with the deceleration.
+
+    Heavy friction slows a machine that is still driven; its force then never opposes the motion.
+    """
+    if not motion.braking.any():
+        return False
+    follows = fit_quality.partial_correlation(motion.A, motion.f, motion.braking)
+    return not follows > _FOLLOWS
 
 
 def _driving_share(_: Evidence, motion: Motion) -> float:
@@ -121,6 +136,7 @@ def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
             f"correlation of {words.acceleration} and {force} with the {words.speed}'s share taken "
             "out of both",
             minimum="partial_correlation_min",
+            remedy="stronger starts; force and speed of the same machine and time",
         ),
         CheckRow(
             f"{words.prefix}relative_std",
@@ -143,7 +159,8 @@ def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
             f"share of the decelerating samples whose {force} opposes the {moves}: 0 means that "
             f"the {force} has lost its sign",
             minimum="opposing_share_min",
-            applies=lambda _, motion: bool(motion.braking.any()),
+            applies=_lost_sign_shows,
+            remedy="a force with its sign: motor currents often have none",
         ),
         CheckRow(
             f"{words.prefix}driving_share",
@@ -158,6 +175,14 @@ def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
 
 
 CHECKS: Final = (
+    CheckRow(
+        "force_sign",
+        "mass",
+        _partial_correlation,
+        "correlation of acceleration and force, likewise: far below 0 the force is inverted",
+        minimum="force_sign_min",
+        remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
+    ),
     *_of_model("mass", _Words("", "acceleration", "speed", "mass", "force", "motion")),
     CheckRow(
         "acceleration_gain",

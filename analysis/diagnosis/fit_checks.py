@@ -8,6 +8,7 @@ import numpy as np
 from analysis.diagnosis.disagreement import disagreements
 from analysis.diagnosis.evidence import Evidence, Motion
 from analysis.diagnosis.row import CheckRow
+from analysis.schema import values
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.weigh import Weighing
 
@@ -76,6 +77,18 @@ def _braking(weighing: Weighing) -> float:
 
 def _contradicted(evidence: Evidence, _: Motion) -> float:
     return float(sum(each.contradicted for each in disagreements(evidence)))
+
+
+def _gated(evidence: Evidence, motion: Motion) -> float:
+    """Deviations between the gated and the ungated pooled mass."""
+    if evidence.totals is None:
+        return np.nan
+    pooled = evidence.totals.filter(evidence.totals["method"] == "pooled")
+    mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))
+    if not mass_kg.size:
+        return np.nan
+    apart_kg = abs(mass_kg[0] - motion.fit.value)
+    return float(apart_kg / np.hypot(std_kg[0], motion.fit.std))
 
 
 def _told(name: str, meaning: str) -> CheckRow:
@@ -149,6 +162,15 @@ FIT_CHECKS: Final = (
         remedy="machine.wheel_radius_m, machine.imu, or channels.specific_force_x_m_s2.scale",
     ),
     CheckRow(
+        "wheels",
+        "mass",
+        _of_wheels(lambda wheels: wheels.mismatch),
+        "what wheels and accelerometer do not agree about, over the noise of the speed",
+        maximum="wheels_max",
+        applies=_has_wheels,
+        remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
+    ),
+    CheckRow(
         "scatter",
         "mass",
         _of_fit(lambda weighing: weighing.fit.fit.scatter_ratio),
@@ -202,6 +224,16 @@ FIT_CHECKS: Final = (
         applies=lambda evidence, motion: _fitted(evidence, motion) and evidence.totals is not None,
         consequence="method",
         remedy="none: those methods have no nuisance terms, and are not shown",
+    ),
+    CheckRow(
+        "gated",
+        "mass",
+        _gated,
+        "deviations between the pooled masses of accepted samples and of everything that moved",
+        maximum="gated_max",
+        applies=lambda evidence, motion: bool(np.isfinite(_gated(evidence, motion))),
+        consequence="tell",
+        remedy="the model holds in a part of the motion only: see the gate's reasons",
     ),
     _told("const", "deviations from 0 of a constant force: offset, tilt, slope or friction"),
     _told("quadratic", "deviations from 0 of a resistance in v·|v|"),

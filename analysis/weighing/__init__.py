@@ -1,5 +1,6 @@
 """The answer's fit: the equation of straight motion with nuisance terms under stated priors.
 
 `equation` (the columns as they are before the moving mean, and the manoeuvres they come from) ←
-`nuisances` (the one table of terms) ← `kinematics` (wheels against accelerometer) ← `joint_fit`.
+`nuisances` (the one table of terms) ← `averages` (the columns' means) and `kinematics` (wheels
+against accelerometer) ← `joint_fit` ← `weigh` ← `budget` ← `loads` (the frames).
 """

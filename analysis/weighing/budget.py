@@ -10,6 +10,12 @@ from analysis.machine import Machine
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
+#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
+_CURVED: Final = 6.0
+#: The answer leans on its priors when doubling them moves it by so many of its deviations.
+_LEANS: Final = 1.5
+_MATTERS: Final = 0.01
+
 
 @dataclass(frozen=True, slots=True)
 class UncertaintySource:
@@ -48,6 +54,11 @@ _PARTS: Final = {
         "what every start has in common and the model misses",
         "finding its cause: filters, brakes, tyres",
     ),
+    "lag_shape": _FitPart(
+        "common",
+        "a late force that is neither plainly delayed nor plainly low-passed",
+        "the force without its filter",
+    ),
     "channel_noise": _FitPart(
         "common",
         "noise of speed and acceleration, known to a quarter",
@@ -60,6 +71,16 @@ _PARTS: Final = {
         "common",
         "wheels and accelerometer disagree, and the log cannot say which is wrong",
         "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
+    ),
+    "braking": _FitPart(
+        "common",
+        "braking and driving say different masses, and driving alone cannot decide",
+        "settings.gate.exclude_braking = true, or a force that sees all brakes",
+    ),
+    "priors": _FitPart(
+        "common",
+        "priors twice as wide move the mass by more than its uncertainty",
+        "starts at different throttles and both ways, or priors that are known",
     ),
     "curvature": _FitPart(
         "common",
@@ -120,7 +141,7 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     fit, body = weighing.fit, machine.machine
     priors = {term.name: term for term in NUISANCES}
     sources: list[UncertaintySource] = []
-    for name, u_kg in {**fit.parts_kg, **curvature(weighing)}.items():
+    for name, u_kg in {**fit.parts_kg, **doubts(weighing)}.items():
         if name in priors:
             term = priors[name]
             sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
@@ -152,11 +173,18 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
 
 
-def curvature(weighing: Weighing) -> dict[str, float]:
-    """What a force that is not linear in the acceleration costs, where it shows."""
+def doubts(weighing: Weighing) -> dict[str, float]:
+    """What else a check of the fit widens the answer by, in kg, where it shows."""
+    found: dict[str, float] = {}
     t, kg = weighing.curvature_t, weighing.curvature_kg
-    shows = abs(t) > 6.0 and abs(kg) > 0.01 * abs(weighing.fit.mass_kg)
-    return {"curvature": abs(kg)} if shows else {}
+    if abs(t) > _CURVED and abs(kg) > _MATTERS * abs(weighing.fit.mass_kg):
+        found["curvature"] = abs(kg)
+    if weighing.braking_doubted:
+        found["braking"] = abs(weighing.braking_kg)
+    leans_kg = abs(weighing.doubled_kg - weighing.fit.mass_kg)
+    if leans_kg > _LEANS * weighing.fit.u_kg:
+        found["priors"] = leans_kg
+    return found
 
 
 def unknown_scale(sources: list[UncertaintySource]) -> list[str]:

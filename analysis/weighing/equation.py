@@ -5,7 +5,7 @@ whatever force there is: a start then says that there is no Coulomb friction. So
 samples as they are, from the break-away on, and averages inside a manoeuvre only.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -59,6 +59,7 @@ class Equation:
         without_gravity: likewise with gravity's share by the pitch taken off.
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
+        weight: of the machine without load, in N; of what this log says where it is not known.
     """
 
     acceleration: Floats
@@ -71,6 +72,25 @@ class Equation:
     without_gravity: Floats | None
     by_accelerometer: bool
     force_share: float
+    weight: float
+
+    def beginning(self, stretches: int) -> "Equation":
+        """The same up to the end of so many stretches."""
+        if not self.used.any() or int(self.group.max()) < stretches:
+            return self
+        end = int(np.argmax(self.group >= stretches))
+        cut = slice(0, end)
+        level, measured = self.without_gravity, self.specific_force
+        return replace(
+            self,
+            acceleration=self.acceleration[cut],
+            speed=self.speed[cut],
+            force=self.force[cut],
+            group=self.group[cut],
+            direction=self.direction[cut],
+            specific_force=None if measured is None else measured[cut],
+            without_gravity=None if level is None else level[cut],
+        )
 
     @property
     def used(self) -> Bools:
@@ -146,7 +166,18 @@ def equation(
         level,
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
+        _weight(machine, acceleration, force, group >= 0),
     )
+
+
+def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
+    """The empty machine's weight in N, or what force over acceleration says it is about."""
+    body = machine.machine
+    if body.empty_mass_kg is not None or not used.any():
+        return (body.empty_mass_kg or 0.0) * body.gravity_m_s2
+    largest = (float(np.quantile(np.abs(x[used]), 0.95)) for x in (force, acceleration))
+    of_force, of_acceleration = largest
+    return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
 
 
 def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:

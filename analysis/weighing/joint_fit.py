@@ -6,12 +6,12 @@ from typing import Final
 import numpy as np
 
 from analysis.settings import PriorSettings
+from analysis.weighing.averages import averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
-from analysis.weighing.nuisances import NUISANCES, Moments, Nuisance
+from analysis.weighing.nuisances import NUISANCES, Nuisance
 from estimators import prior_fit
-from estimators.group_mean import trailing_group_mean
-from estimators.prior_fit import NoiseMoments, PriorFit
+from estimators.prior_fit import PriorFit
 
 #: Lengths of the mean that are tried: the one with the smallest deviation of the mass is taken.
 MEANS: Final = (5, 10, 20, 40, 80, 160)
@@ -20,12 +20,14 @@ _ROUNDS: Final = 4
 #: With more noise than this in a direction of its columns a mean is too short.
 _MOST_NOISE: Final = 0.3
 _NEARLY: Final = 1.1
+#: A stretch holds at least so many means that have no sample in common.
+_MEANS_A_STRETCH: Final = 6
+#: So many stretches tell which mean is best.
+_TRIED: Final = 24
+#: Up to here it does not matter whether a force is delayed or low-passed.
+_SHORT_LAG_S: Final = 0.003
 #: A lag is looked for up to here.
 _LONGEST_LAG_S: Final = 0.3
-#: A derivative of the force is noise below so many of its deviations.
-_RATE_COUNTS: Final = 4.0
-#: Samples of the parabola that gives the derivative.
-_RATE_SAMPLES: Final = 9
 #: What the wheels say of slip is never trusted beyond this share of its prior.
 _LEAST_SLIP: Final = 0.05
 
@@ -42,6 +44,8 @@ class JointFit:
         kinematics: what the wheels say of the accelerometer, where there is one.
         mean_samples: length of the mean.
         motion: what was fitted.
+        lag_shape_kg: what it would change to take a lag for a low-pass instead of a delay, or the
+            other way round, where neither makes up for it; else 0.
     """
 
     terms: tuple[Nuisance, ...]
@@ -51,19 +55,26 @@ class JointFit:
     kinematics: Kinematics | None
     mean_samples: int
     motion: Equation
+    lag_shape_kg: float = 0.0
+
+    @property
+    def lag_s(self) -> float:
+        """How late the force is."""
+        return float(self.fit.theta[2 + [term.name for term in self.terms].index("lag")])
 
     @property
     def parts_kg(self) -> dict[str, float]:
         """What the mass' standard uncertainty is made of, by cause."""
         parts = {
-            "noise": float(np.sqrt(self.fit.noise[0, 0])),
+            "noise": float(np.sqrt(max(self.fit.noise[0, 0], 0.0))),
             **{
                 term.name: abs(float(self.fit.responses[2 + i, 0]))
                 for i, term in enumerate(self.terms)
             },
             "channel_noise": abs(float(self.fit.doubt[0])),
-            "scatter": float(np.sqrt(self.fit.scatter[0, 0])),
-            "misfit": float(np.sqrt(self.fit.misfit[0, 0])),
+            "scatter": float(np.sqrt(max(self.fit.scatter[0, 0], 0.0))),
+            "misfit": float(np.sqrt(max(self.fit.misfit[0, 0], 0.0))),
+            "lag_shape": abs(self.lag_shape_kg) / 2.0,
         }
         wheels = self.kinematics
         if wheels is not None:
@@ -78,9 +89,9 @@ class JointFit:
     @property
     def mass_kg(self) -> float:
         """The mass, what the speed's delay adds to it taken off."""
-        late = 0.0
-        if self.kinematics is not None and self.motion.by_accelerometer:
-            late = self.kinematics.delay_s[0]
+        late, wheels = 0.0, self.kinematics
+        if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
+            late = wheels.delay_s[0]
         return float(self.fit.theta[0]) - max(float(self.fit.theta[1]), 0.0) * late
 
     @property
@@ -89,139 +100,97 @@ class JointFit:
         return float(np.sqrt(sum(part**2 for part in self.parts_kg.values())))
 
 
-def joint_fit(
-    motion: Equation,
-    noise: NoiseOfColumns,
-    priors: PriorSettings,
-    extra: tuple[Nuisance, ...] = (),
-) -> JointFit:
-    """Fit with the mean that leaves the smallest uncertainty."""
-    terms = (*(term for term in NUISANCES if term.applies(motion)), *extra)
+def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+    """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     wheels = kinematics(motion, noise, priors)
-    first = [_fitted(motion, noise, priors, terms, wheels, samples, 1) for samples in MEANS]
+    whole = _Task(motion, noise, priors, terms_of(motion), wheels)
+    part = replace(whole, motion=motion.beginning(_TRIED))
+    longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
+    lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
+    first = [part.fitted(samples, 1) for samples in lengths]
     telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
     best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
-    moved, filtered = (
-        _fitted(motion, noise, priors, terms, wheels, best.mean_samples, _ROUNDS, shift=shift)
-        for shift in (True, False)
-    )
-    return filtered if filtered.fit.residual_rms < moved.fit.residual_rms else moved
+    moved = whole.fitted(best.mean_samples, _ROUNDS)
+    if abs(moved.lag_s) < _SHORT_LAG_S:
+        return moved
+    filtered = whole.fitted(best.mean_samples, 2, shift=False)
+    filters = filtered.fit.residual_rms < moved.fit.residual_rms
+    chosen, other = (filtered, moved) if filters else (moved, filtered)
+    if not chosen.fit.misfit.any():
+        return chosen
+    return replace(chosen, lag_shape_kg=chosen.mass_kg - other.mass_kg)
 
 
-def _fitted(
-    motion: Equation,
-    noise: NoiseOfColumns,
-    priors: PriorSettings,
-    terms: tuple[Nuisance, ...],
-    wheels: Kinematics | None,
-    samples: int,
-    rounds: int,
-    *,
-    shift: bool = True,
+def terms_of(motion: Equation) -> tuple[Nuisance, ...]:
+    """The nuisances that a log has."""
+    return tuple(term for term in NUISANCES if term.applies(motion))
+
+
+def again(
+    found: JointFit, noise: NoiseOfColumns, priors: PriorSettings, extra: tuple[Nuisance, ...] = ()
 ) -> JointFit:
-    """Fit with means of `samples`: lag and slip depend on what the fit finds, so again.
-
-    A force that is late is moved back; one that is low-passed is not, since its derivative alone
-    makes up for that (f + τ df/dt).
-    """
-    names = [term.name for term in terms]
-    widths = np.array([term.width(motion, priors) for term in terms])
-    means = np.zeros(len(terms))
-    lag_s = 0.0
-    fitted: PriorFit | None = None
-    std = widths
-    for _ in range(rounds):
-        mean, std = means.copy(), widths.copy()
-        if wheels is not None and fitted is not None and "slip" in names:
-            at, friction = names.index("slip"), max(float(fitted.theta[1]), 0.0)
-            mean[at] = -friction * wheels.slip_1_N[0]
-            std[at] = np.hypot(friction * wheels.slip_1_N[1], _LEAST_SLIP * widths[at])
-        if "lag" in names:
-            mean[names.index("lag")] = -lag_s
-        fitted = _once(motion, noise, terms, mean, std, lag_s, samples)
-        found = float(fitted.theta[2 + names.index("lag")])
-        if not np.isfinite(found):
-            break
-        lag_s = float(np.clip(lag_s + found, -_LONGEST_LAG_S, _LONGEST_LAG_S)) if shift else 0.0
-    assert fitted is not None
-    theta = fitted.theta.copy()
-    if shift:
-        theta[2 + names.index("lag")] = lag_s
-    return JointFit(terms, means, std, replace(fitted, theta=theta), wheels, samples, motion)
+    """Fit the same samples with other priors, or with further terms behind the others."""
+    task = _Task(found.motion, noise, priors, (*found.terms, *extra), found.kinematics)
+    return task.fitted(found.mean_samples, 1, begin=found)
 
 
-def _once(
-    motion: Equation,
-    noise: NoiseOfColumns,
-    terms: tuple[Nuisance, ...],
-    prior_mean: Floats,
-    prior_std: Floats,
-    lag_s: float,
-    samples: int,
-) -> PriorFit:
-    """One linear fit with the force moved back by a lag."""
-    rows = np.arange(motion.force.size, dtype=np.float64)
-    force = np.interp(rows + lag_s * motion.rate_hz, rows, motion.force)
-    raw = Moments(
-        motion.acceleration,
-        motion.speed,
-        force,
-        _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
-        motion.direction,
-        rows / rows.size - 0.5,
-    )
+@dataclass(frozen=True)
+class _Task:
+    """What is to be fitted, and what is known."""
 
-    def mean(x: Floats) -> Floats:
-        return trailing_group_mean(x, motion.group, samples)[0]
+    motion: Equation
+    noise: NoiseOfColumns
+    priors: PriorSettings
+    terms: tuple[Nuisance, ...]
+    wheels: Kinematics | None
 
-    count = trailing_group_mean(raw.speed, motion.group, samples)[1]
-    A = np.column_stack(
-        [mean(raw.acceleration), mean(raw.speed), *(mean(term.column(raw)) for term in terms)]
-    )
-    free = np.full(2, np.inf)
-    return prior_fit.fit(
-        A,
-        mean(force),
-        motion.group,
-        _noise_moments(terms, raw, motion, noise, count),
-        np.concatenate([np.zeros(2), prior_mean]),
-        np.concatenate([free, prior_std]),
-        motion.direction,
-    )
+    def fitted(
+        self, samples: int, rounds: int, *, shift: bool = True, begin: JointFit | None = None
+    ) -> JointFit:
+        """Fit with means of `samples`: lag and slip depend on what the fit finds, so again.
 
+        A force that is late is moved back; one that is low-passed is not, since its derivative
+        alone makes up for that (f + τ df/dt).
+        """
+        lag = [term.name for term in self.terms].index("lag")
+        means = np.zeros(len(self.terms))
+        std = means
+        lag_s = begin.lag_s if begin else 0.0
+        fitted = begin.fit if begin else None
+        for _ in range(rounds):
+            mean, std = self._priors(fitted)
+            mean[lag] = -lag_s
+            rows = averages(self.motion, self.noise, self.terms, lag_s, samples)
+            fitted = prior_fit.fit(
+                rows.A,
+                rows.f,
+                rows.group,
+                rows.noise,
+                np.concatenate([np.zeros(2), mean]),
+                np.concatenate([np.full(2, np.inf), std]),
+                rows.direction,
+                rows.shortest,
+            )
+            found = float(fitted.theta[2 + lag])
+            if not np.isfinite(found):
+                break
+            lag_s = float(np.clip(lag_s + found, -_LONGEST_LAG_S, _LONGEST_LAG_S)) if shift else 0.0
+        assert fitted is not None
+        theta = fitted.theta.copy()
+        if shift:
+            theta[2 + lag] = lag_s
+        fit = replace(fitted, theta=theta)
+        return JointFit(self.terms, means, std, fit, self.wheels, samples, self.motion)
 
-def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
-    """The derivative of the force in N/s, 0 where it is no more than noise."""
-    half = _RATE_SAMPLES // 2
-    steps = (
-        np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
-    )
-    rate = np.convolve(force, steps, "same")
-    return np.where(np.abs(rate) > _RATE_COUNTS * noise_N * np.sqrt(steps @ steps), rate, 0.0)
-
-
-def _noise_moments(
-    terms: tuple[Nuisance, ...],
-    raw: Moments,
-    motion: Equation,
-    noise: NoiseOfColumns,
-    count: np.ndarray,
-) -> NoiseMoments:
-    """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by manoeuvre."""
-    used = motion.used
-    ids, index = np.unique(motion.group[used], return_inverse=True)
-    p = 2 + len(terms)
-    # derivatives of the columns by acceleration, speed and force
-    slopes = np.zeros((int(used.sum()), p, 3))
-    slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
-    for j, term in enumerate(terms, start=2):
-        if term.by_speed is not None:
-            slopes[:, j, 1] = term.by_speed(raw)[used]
-        if term.by_force is not None:
-            slopes[:, j, 2] = term.by_force(raw)[used]
-    kinds, which = np.unique(count[used], return_inverse=True)
-    covariances = np.stack([noise.covariance(int(samples)) for samples in kinds])
-    moments = prior_fit.noise_moments(slopes, covariances, which, index, ids.size)
-    return NoiseMoments(*moments)
+    def _priors(self, fitted: PriorFit | None) -> tuple[Floats, Floats]:
+        """Means and widths; that of slip by what the wheels say, once friction is known."""
+        std = np.array([term.width(self.motion, self.priors) for term in self.terms])
+        mean = np.zeros(len(self.terms))
+        if self.wheels is not None and self.wheels.goes_together and fitted is not None:
+            at = [term.name for term in self.terms].index("slip")
+            friction = max(float(fitted.theta[1]), 0.0)
+            mean[at] = -friction * self.wheels.slip_1_N[0]
+            std[at] = np.hypot(friction * self.wheels.slip_1_N[1], _LEAST_SLIP * std[at])
+        return mean, std

@@ -67,7 +67,7 @@ NUISANCES: Final = (
         "const",
         "N",
         lambda m: np.ones_like(m.speed),
-        lambda e, s: s.const_share * e.largest_force,
+        lambda e, s: np.hypot(s.const_share * e.largest_force, s.const_weight_share * e.weight),
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
@@ -91,12 +91,12 @@ NUISANCES: Final = (
     Nuisance(
         "slip",
         "s/m",
-        lambda m: m.speed * m.force,
+        lambda m: np.abs(m.speed) * m.force,
         lambda e, s: s.slip_share / e.largest_speed,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
-        by_speed=lambda m: m.force,
-        by_force=lambda m: m.speed,
+        by_speed=lambda m: np.sign(m.speed) * m.force,
+        by_force=lambda m: np.abs(m.speed),
     ),
     Nuisance(
         "quadratic",
@@ -111,7 +111,9 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction,
-        lambda e, s: s.direction_share * e.largest_force,
+        lambda e, s: np.hypot(
+            s.direction_share * e.largest_force, s.direction_weight_share * e.weight
+        ),
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.both_ways,
@@ -119,7 +121,7 @@ NUISANCES: Final = (
     Nuisance(
         "load_transfer",
         "s²/m",
-        lambda m: m.acceleration * m.direction * m.force,
+        lambda m: m.acceleration * m.force,
         lambda _, s: s.load_transfer_s2_m,
         "the measured wheels' share of the force changes with the acceleration",
         "force measured on all wheels, or starts at different throttles",

@@ -10,14 +10,18 @@ from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, equation
-from analysis.weighing.joint_fit import JointFit, joint_fit
+from analysis.weighing.equation import Equation, Floats, equation
+from analysis.weighing.joint_fit import JointFit, again, joint_fit
 from analysis.weighing.nuisances import CURVATURE
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
 _DISAGREES: Final = 3.0
+#: It is doubted when it moves it by so many of the answer's.
+_DOUBTED: Final = 2.0
 #: And by this share of it.
 _MATTERS: Final = 0.005
+#: Means of so many samples of a derivative are differences.
+_LONG: Final = 20
 #: Fewer samples are not fitted.
 _FEWEST: Final = 100
 
@@ -32,6 +36,8 @@ class Weighing:
         doubled_kg: the mass with priors twice as wide.
         braking_kg: by how much braking would move the mass; NaN where it does not count as driving.
         braking_left_out: whether it disagreed and is left out.
+        braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
+            driving alone can contradict.
         curvature_t: how many deviations a term in a·|a| is from 0.
         curvature_kg: how far it would move the mass.
     """
@@ -41,8 +47,32 @@ class Weighing:
     doubled_kg: float
     braking_kg: float
     braking_left_out: bool
+    braking_doubted: bool
     curvature_t: float
     curvature_kg: float
+
+
+@dataclass(frozen=True)
+class _OfDerivative:
+    """The noise where the acceleration is the speed's derivative.
+
+    The mean of n of its samples is the difference of two speeds over n steps, which covariances of
+    short lags do not add up to.
+    """
+
+    columns: ColumnNoise
+    rate_hz: float
+
+    def covariance(self, samples: int) -> Floats:
+        """(3, 3) of the trailing mean of so many samples."""
+        found = self.columns.covariance(samples)
+        if samples < _LONG:
+            return found
+        found = found.copy()
+        speed = self.columns.covariance(1)[1, 1]
+        found[0, :] = found[:, 0] = 0.0
+        found[0, 0] = 2.0 * speed * (self.rate_hz / samples) ** 2
+        return found
 
 
 def weigh(
@@ -62,9 +92,11 @@ def weigh(
         machine: wheels, settings, priors.
     """
     settings, priors = machine.settings, machine.settings.priors
-    columns = ColumnNoise.of(X, noise, settings.noise)
-    if columns is None:
+    known = ColumnNoise.of(X, noise, settings.noise)
+    if known is None:
         return None
+    rate_hz = settings.align.rate_hz
+    columns = _OfDerivative(known, rate_hz) if _derived_from_speed(machine) else known
 
     def motion(*, braking: bool) -> Equation:
         return equation(aligned, excitation, gated, machine, columns, braking=braking)
@@ -79,23 +111,31 @@ def weigh(
         if driving.used.sum() >= _FEWEST:
             alone = joint_fit(driving, columns, priors)
             braking_kg = fit.mass_kg - alone.mass_kg
-            allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
+            # nested fits differ by what the smaller one lacks (Hausman)
+            allowed = _DISAGREES * float(np.sqrt(max(alone.u_kg**2 - fit.u_kg**2, 0.0)))
             left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
             fit = alone if left_out else fit
+    doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
-    def again(times: float) -> float:
-        return joint_fit(fit.motion, columns, _scaled(priors, times)).mass_kg
-
-    curved = joint_fit(fit.motion, columns, priors, (CURVATURE,)).fit
+    halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
+    curved = again(fit, columns, priors, (CURVATURE,)).fit
     return Weighing(
         fit,
-        again(0.5),
-        again(2.0),
+        halved.mass_kg,
+        doubled.mass_kg,
         braking_kg,
         left_out,
+        doubted,
         float(curved.theta[-1] / curved.std[-1]),
         float(curved.theta[0] - fit.fit.theta[0]),
     )
+
+
+def _derived_from_speed(machine: Machine) -> bool:
+    """Whether what multiplies the mass is the speed's derivative."""
+    channel = machine.channels.get("acc_x_m_s2")
+    kinematic = machine.settings.forces.acceleration == "kinematic"
+    return kinematic and channel is not None and channel.derivative_of == "speed_x_m_s"
 
 
 def _scaled(priors: PriorSettings, times: float) -> PriorSettings:

@@ -17,12 +17,15 @@ def command(
     from recordings.output import keep_apart, whole_file
     from replay.commands.options import time_axis_of
     from replay.guess import draft_machine_file
+    from replay.guess_priors import prior_lines
     from replay.readers import open_log
 
     axis = time_axis_of(time, time_unit)
     with open_log(log, time=axis) as opened:
         keep_apart(output, opened.files)
         text, lacking = draft_machine_file(opened, axis)
+        if not lacking:
+            text += "\n".join(["", *prior_lines(opened, text)])
     with whole_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:

@@ -184,6 +184,7 @@ class TestHusky:
                     "settings.phases.standstill_speed_m_s=0.3",
                     "settings.gate.window_samples=100",
                     "settings.gate.threshold_nat=0",
+                    "settings.gate.noise_share_max=1000",
                 ),
                 id="creeping turns taken as spins and the gate wide open",
             ),

@@ -1,0 +1,144 @@
+"""The columns of the fit: means inside the stretches, thinned, and what noise is in them."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from analysis.weighing.equation import Bools, Equation, Floats, Ints, NoiseOfColumns
+from analysis.weighing.nuisances import Moments, Nuisance
+from estimators import prior_fit
+from estimators.group_mean import trailing_group_mean
+from estimators.prior_fit import NoiseMoments
+
+#: So many rows a length of the mean hold nearly all that its means hold.
+_ROWS_A_MEAN: Final = 8
+#: Stretches of fewer samples, before thinning, tell nothing of their own.
+_SHORTEST: Final = 50
+#: A derivative of the force is noise below so many of its deviations.
+_RATE_COUNTS: Final = 4.0
+#: Samples of the parabola that gives the derivative.
+_RATE_SAMPLES: Final = 9
+
+
+@dataclass(frozen=True)
+class Averages:
+    """What is fitted, weighted by how many samples each mean is of.
+
+    Attributes:
+        A: (rows, 2 + terms) columns: acceleration, speed, terms.
+        f: (rows,) force.
+        group: (rows,) stretch.
+        direction: (rows,) of each stretch.
+        noise: what noise adds to the normal equations.
+        shortest: stretches of fewer rows tell nothing of their own.
+    """
+
+    A: Floats
+    f: Floats
+    group: Ints
+    direction: Floats
+    noise: NoiseMoments
+    shortest: int
+
+
+def averages(
+    motion: Equation,
+    noise: NoiseOfColumns,
+    terms: tuple[Nuisance, ...],
+    lag_s: float,
+    samples: int,
+) -> Averages:
+    """Average the columns with the force moved back by a lag.
+
+    Args:
+        motion: the samples.
+        noise: of acceleration, speed and force.
+        terms: the nuisances.
+        lag_s: how late the force is.
+        samples: longest mean.
+    """
+    rows = np.arange(motion.force.size, dtype=np.float64)
+    force = np.interp(rows + lag_s * motion.rate_hz, rows, motion.force)
+    raw = Moments(
+        motion.acceleration,
+        motion.speed,
+        force,
+        _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
+        motion.direction,
+        rows / rows.size - 0.5,
+    )
+    stride = max(1, samples // _ROWS_A_MEAN)
+    kept = _thinned(motion, stride)
+
+    def mean(x: Floats) -> Floats:
+        return trailing_group_mean(x, motion.group, samples)[0][kept]
+
+    count = trailing_group_mean(raw.speed, motion.group, samples)[1][kept]
+    A = np.column_stack(
+        [mean(raw.acceleration), mean(raw.speed), *(mean(term.column(raw)) for term in terms)]
+    )
+    f = mean(force)
+    weight = _weights(A[:, :2], f, noise, count)
+    return Averages(
+        A * weight[:, None],
+        f * weight,
+        motion.group[kept],
+        motion.direction[kept],
+        _noise_moments(terms, raw, motion, noise, count, weight, kept),
+        max(_SHORTEST // stride, 6),
+    )
+
+
+def _thinned(motion: Equation, stride: int) -> Bools:
+    """Every so many-th sample of each stretch."""
+    used = motion.used
+    begins = used & (np.append(-1, motion.group[:-1]) != motion.group)
+    row = np.arange(used.size)
+    since = row - np.maximum.accumulate(np.where(begins, row, 0))
+    return used & (since % stride == stride - 1)
+
+
+def _weights(A: Floats, force: Floats, noise: NoiseOfColumns, count: Ints) -> Floats:
+    """Square roots of the rows' weights: the first means of a start are of few samples."""
+    mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
+    gradient = np.array([mass, friction, -1.0])
+    kinds, which = np.unique(count, return_inverse=True)
+    variances = np.array([gradient @ noise.covariance(int(k)) @ gradient for k in kinds])
+    return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
+
+
+def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
+    """The derivative of the force in N/s, 0 where it is no more than noise."""
+    half = _RATE_SAMPLES // 2
+    steps = (
+        np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
+    )
+    rate = np.convolve(force, steps, "same")
+    return np.where(np.abs(rate) > _RATE_COUNTS * noise_N * np.sqrt(steps @ steps), rate, 0.0)
+
+
+def _noise_moments(
+    terms: tuple[Nuisance, ...],
+    raw: Moments,
+    motion: Equation,
+    noise: NoiseOfColumns,
+    count: Ints,
+    weight: Floats,
+    kept: Bools,
+) -> NoiseMoments:
+    """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch."""
+    ids, index = np.unique(motion.group[kept], return_inverse=True)
+    # derivatives of the columns by acceleration, speed and force
+    slopes = np.zeros((count.size, 2 + len(terms), 3))
+    slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
+    for j, term in enumerate(terms, start=2):
+        if term.by_speed is not None:
+            slopes[:, j, 1] = term.by_speed(raw)[kept]
+        if term.by_force is not None:
+            slopes[:, j, 2] = term.by_force(raw)[kept]
+    slopes *= weight[:, None, None]
+    kinds, which = np.unique(count, return_inverse=True)
+    covariances = np.stack([noise.covariance(int(samples)) for samples in kinds])
+    moments = prior_fit.noise_moments(slopes, covariances, which, index, ids.size)
+    return NoiseMoments(*moments)

@@ -1,0 +1,154 @@
+"""A simulated log through the whole pipeline in memory, and what its answer is worth."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from analysis import Machine
+from analysis.run import Run
+from analysis.schema import values
+from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
+from analysis.simulation.designs import Sections
+from replay import load_machine
+from replay.memory_log import MemoryLog, reading_memory
+from replay.pipeline import run
+
+#: Settings of an acceleration that is derived from the speed, where there is no accelerometer.
+DERIVED = ("settings.forces.acceleration=kinematic", "channels.acc_x_m_s2.derive=d/dt speed_x_m_s")
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """One log's answer beside its truth.
+
+    Attributes:
+        row: what was simulated.
+        design: the loader's, or one that was drawn.
+        seed: of design and noise.
+        true_kg: mass.
+        mass_kg: of the answer, None where it is withheld.
+        u_kg: its standard uncertainty.
+        reason: why it is withheld, empty where it is not.
+        smallest: of the methods that are shown, over the true mass.
+        pooled_std: the paper's deviation of `pooled`.
+        terms: of the fit: value over its deviation, and the mass' uncertainty by it in kg.
+        starts: simulated.
+    """
+
+    row: str
+    design: str
+    seed: int
+    true_kg: float
+    mass_kg: float | None
+    u_kg: float | None
+    reason: str
+    smallest: float | None = None
+    pooled_std: float | None = None
+    terms: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    starts: int = 0
+
+    @property
+    def open(self) -> bool:
+        """Whether there is an answer."""
+        return self.mass_kg is not None and self.u_kg is not None
+
+    @property
+    def error_kg(self) -> float:
+        """The answer less the truth; NaN where it is withheld."""
+        return float("nan") if self.mass_kg is None else self.mass_kg - self.true_kg
+
+    @property
+    def deviations(self) -> float:
+        """The error over the standard uncertainty."""
+        return float("nan") if not self.u_kg else self.error_kg / self.u_kg
+
+
+@cache
+def machine(overrides: tuple[str, ...]) -> Machine:
+    """The loader's machine file; without an accelerometer where the acceleration is derived."""
+    loaded = load_machine("cat262c.toml", overrides)
+    if not any("kinematic" in override for override in overrides):
+        return loaded
+    channels = {n: c for n, c in loaded.channels.items() if n != "specific_force_x_m_s2"}
+    return loaded.model_copy(update={"channels": channels})
+
+
+def weighed(
+    row: str,
+    design: str,
+    sections: Sections,
+    overrides: tuple[str, ...] = ('settings.trace.methods=["pooled"]',),
+    acc_gain: float = 1.0,
+    body: Mapping[str, float] | None = None,
+) -> Weighed:
+    """Simulate a log and replay it.
+
+    Args:
+        row: its name.
+        design: likewise.
+        sections: of the scenario.
+        overrides: of the machine file.
+        acc_gain: what the accelerometer reports of an acceleration.
+        body: what else the machine file states of the machine.
+    """
+    scenario = Scenario.model_validate(sections)
+    log = with_gain(next(iter(simulate_campaign(scenario))), acc_gain)
+    stated = {
+        "empty_mass_kg": scenario.machine.mass_kg,
+        "force_share": scenario.machine.force_share,
+        **(body or {}),
+    }
+    own = machine(overrides)
+    own = own.model_copy(update={"machine": own.machine.model_copy(update=stated)})
+    replayed = run(MemoryLog(log), reading_memory(own, log))
+    return answer(row, design, scenario, log, replayed)
+
+
+def with_gain(log: SimulatedLog, acc_gain: float) -> SimulatedLog:
+    """The log of an accelerometer whose gain is not 1."""
+    if acc_gain == 1.0:
+        return log
+    imu = log.topics["imu"].with_columns(pl.col("specific_force_x_m_s2") * acc_gain)
+    return SimulatedLog(**{**vars(log), "topics": {**log.topics, "imu": imu}})
+
+
+def answer(row: str, design: str, scenario: Scenario, log: SimulatedLog, replayed: Run) -> Weighed:
+    load = replayed.frames["loads"].row(0, named=True)
+    true_kg = float(log.trials["mass_kg"][0])
+    masses, found = replayed.frames["masses"], replayed.frames["nuisances"]
+    shown = values(masses, "mass_kg")
+    shown = shown[np.isfinite(shown)]
+    pooled = masses.filter(pl.col("method") == "pooled")
+    terms = {
+        each["term"]: (
+            _number(each["posterior"] / each["posterior_std"]) or 0.0,
+            _number(each["u_kg"]) or 0.0,
+        )
+        for each in found.iter_rows(named=True)
+    }
+    withheld = load["withheld"] or not _finite(load["mass_kg"]) or not _finite(load["u_kg"])
+    return Weighed(
+        row,
+        design,
+        scenario.sensors.seed,
+        true_kg,
+        None if withheld else load["mass_kg"],
+        None if withheld else load["u_kg"],
+        load["reason"],
+        float(shown.min()) / true_kg if shown.size else None,
+        _number(pooled["mass_std_kg"][0]) if pooled.height else None,
+        terms,
+        log.manoeuvres.filter(pl.col("kind") == "start").height,
+    )
+
+
+def _finite(value: Any) -> bool:
+    return value is not None and bool(np.isfinite(value))
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if _finite(value) else None
