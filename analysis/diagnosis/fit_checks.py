@@ -129,7 +129,7 @@ FIT_CHECKS: Final = (
         "mass",
         _of_fit(lambda weighing: weighing.fit.fit.noise_share),
         "largest share of noise in what the answer is fitted to",
-        maximum="noise_share_max",
+        maximum="channel_noise_max",
         applies=_fitted,
         remedy="an accelerometer, a lower settings.filter.cutoff_hz, or stronger starts",
     ),
