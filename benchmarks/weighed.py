@@ -138,7 +138,7 @@ def answer(row: str, design: str, scenario: Scenario, log: SimulatedLog, replaye
         true_kg,
         None if withheld else load["mass_kg"],
         None if withheld else load["u_kg"],
-        load["reason"],
+        load["withheld_for"],
         float(shown.min()) / true_kg if shown.size else None,
         _number(pooled["mass_std_kg"][0]) if pooled.height else None,
         terms,
