@@ -10,11 +10,8 @@ from analysis.machine import Machine
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
-#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
-_CURVED: Final = 6.0
 #: The answer leans on its priors when doubling them moves it by so many of its deviations.
 _LEANS: Final = 1.5
-_MATTERS: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,9 +173,8 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
 def doubts(weighing: Weighing) -> dict[str, float]:
     """What else a check of the fit widens the answer by, in kg, where it shows."""
     found: dict[str, float] = {}
-    t, kg = weighing.curvature_t, weighing.curvature_kg
-    if abs(t) > _CURVED and abs(kg) > _MATTERS * abs(weighing.fit.mass_kg):
-        found["curvature"] = abs(kg)
+    if weighing.curvature.shows:
+        found["curvature"] = abs(weighing.curvature.kg)
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg)
     leans_kg = abs(weighing.doubled_kg - weighing.fit.mass_kg)
