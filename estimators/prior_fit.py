@@ -21,6 +21,8 @@ from estimators.sandwich import meat
 DOUBT: Final = 0.25
 #: Of a direction's sum of squares, noise is never taken to be more than this.
 _LARGEST_NOISE_SHARE: Final = 0.5
+#: Residuals that alternate average out, but never to less than this share of white ones' variance.
+_LEAST_OF_WHITE: Final = 0.1
 #: Groups disagree when the ratio of variances exceeds 1 by so many of its deviations.
 _DISAGREE: Final = 2.5
 #: What all groups miss alike counts from this ratio to its noise on.
@@ -174,9 +176,10 @@ def fit(
     believed = precision * prior_mean * scale
 
     gram, cross = grams.sum(axis=0), crosses.sum(axis=0)
-    # the first round is the textbook's, whose residuals say how far each sample counts
-    variance = float(f[used] @ f[used]) / n
-    theta = np.zeros(p)
+    # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
+    theta = np.linalg.lstsq(gram, cross, rcond=None)[0]
+    first = f - A @ theta
+    variance = float(first @ first) / n
     share, kept = 0.0, 1.0
     correlation, white = np.ones(1), variance
     bread = np.diag(precision)
@@ -204,7 +207,7 @@ def fit(
     # noise of the columns times the residuals, both of which last as long as the mean does
     alike = 2.0 * float(correlation @ correlation) - 1.0
     meats += added[0].sum(axis=0) * max(alike, 1.0)
-    covariance = gain @ (meats * white) @ gain.T
+    covariance = gain @ (_at_least(meats, gram) * white) @ gain.T
     freedom = max(n / max(2.0 * float(correlation @ correlation) - 1.0, 1.0) - p, 1.0)
     covariance *= student_factor(freedom) ** 2
     told = [i for i, part in enumerate(rows) if part.size >= shortest]
@@ -214,7 +217,11 @@ def fit(
     scores = (crosses - kept * added[1]) - (grams - kept * added[0]) @ theta
     scatter, ratio = _between_groups(gain, scores[told], covariance)
     misfit, common = _common_misfit(
-        gain, A, residual, [rows[i] for i in told], np.ones(n) if direction is None else direction
+        gain,
+        A,
+        residual,
+        [rows[i] for i in told],
+        np.ones(f.size) if direction is None else direction,
     )
     # where noise is nearly all there is, what was not taken off is doubted whole
     doubt = (
@@ -235,6 +242,21 @@ def fit(
         residual,
         float(np.sqrt(residual @ residual / n)),
     )
+
+
+def _at_least(meats: Floats, gram: Floats) -> Floats:
+    """The same where no direction has less than a share of what white residuals have.
+
+    Correlations that are estimated may add up to a negative variance.
+    """
+    squares, vectors = np.linalg.eigh(gram)
+    root = vectors * np.sqrt(np.maximum(squares, squares[-1] * 1e-12))
+    half = np.linalg.solve(root, meats)
+    of_white, directions = np.linalg.eigh(np.linalg.solve(root, half.T))
+    if of_white[0] >= _LEAST_OF_WHITE:
+        return meats
+    kept = root @ directions
+    return (kept * np.maximum(of_white, _LEAST_OF_WHITE)) @ kept.T
 
 
 def _noise_share(noise: Floats, gram: Floats) -> float:
@@ -290,7 +312,8 @@ def _common_misfit(
     typical = min(rows, key=lambda part: abs(part.size - length))
     one = np.ascontiguousarray(A[typical] * direction[typical[typical.size // 2]])
     zeros = np.zeros(typical.size, np.int64)
-    spread = meat(one, zeros, 0, 0, typical.size - 1, correlation) * (square - left)
+    spread = _at_least(meat(one, zeros, 0, 0, typical.size - 1, correlation), one.T @ one)
+    spread *= square - left
     return gain @ (spread * len(rows) ** 2) @ gain.T, ratio
 
 
