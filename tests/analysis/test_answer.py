@@ -50,7 +50,7 @@ def test_the_answer_is_plain_json_by_method(replayed):
     assert given["verdict"]["can_weigh"]
     of_mass = [check.name for check in CHECKS if check.about == "mass"]
     assert [check["check"] for check in given["verdict"]["checks"]] == of_mass
-    assert of_mass[:3] == ["partial_correlation", "relative_std", "r_squared"]
+    assert {"partial_correlation", "relative_std", "r_squared"} <= set(of_mass)
     assert given["losses"] == [{"source": "stamps", "topic": "/imu", "what": "lost"}]
     assert given["notes"] == ["a note"]
 

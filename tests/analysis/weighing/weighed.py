@@ -1,0 +1,118 @@
+"""Simulated logs, weighed: nine starts without load unless the scenario says otherwise."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import polars as pl
+
+from analysis.check import Check, Verdict
+from analysis.machine import Machine
+from analysis.run import Run
+from analysis.simulation import Scenario, simulate_campaign
+from analysis.weighing.weigh import Weighing, weigh
+from replay import load_machine
+from replay.memory_log import MemoryLog, reading_memory
+from replay.pipeline import run
+
+TRUE_KG = 3614.0
+FRICTION_N_S_M = 2891.0
+RUNS = {"campaign": {"loads_kg": [0.0], "runs": 9}}
+#: Both ways and at different throttles: what tells the terms apart.
+RICH = {"starts": {"directions": "alternating", "throttle_least": 0.5}}
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A replay, and what its log was made with."""
+
+    replayed: Run
+    true_kg: float
+    machine: Machine
+
+    @property
+    def load(self) -> dict[str, Any]:
+        """The row of `loads`."""
+        return self.replayed.frames["loads"].row(0, named=True)
+
+    @property
+    def error_u(self) -> float:
+        """The error of the mass, in standard uncertainties."""
+        return (self.load["mass_kg"] - self.true_kg) / self.load["u_kg"]
+
+    @cached_property
+    def terms(self) -> dict[str, dict[str, Any]]:
+        """The rows of `nuisances`."""
+        return {row["term"]: row for row in self.replayed.frames["nuisances"].to_dicts()}
+
+    def off(self, term: str, expected: float) -> float:
+        """How many of its deviations a term is from a value."""
+        return (self.terms[term]["posterior"] - expected) / self.terms[term]["posterior_std"]
+
+    @cached_property
+    def causes(self) -> dict[str, float | None]:
+        """The budget, in kg."""
+        rows = self.replayed.frames["budget"].to_dicts()
+        return {row["cause"]: row["u_kg"] for row in rows}
+
+    @cached_property
+    def weighing(self) -> Weighing:
+        """The fit itself."""
+        stages = (self.replayed.frames[name] for name in ("aligned", "excitation", "gate", "noise"))
+        found = weigh(*stages, self.machine)
+        assert found is not None
+        return found
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The checks."""
+        return Verdict.of(self.replayed.frames["verdict"])
+
+    def check(self, name: str) -> Check:
+        """One of them."""
+        return next(check for check in self.verdict.checks if check.check == name)
+
+    @property
+    def fired(self) -> set[str]:
+        """The checks that failed."""
+        return {check.check for check in self.verdict.checks if check.passed is False}
+
+
+def merged(*scenarios: dict[str, Any]) -> dict[str, Any]:
+    """Sections of scenarios, later ones over earlier ones."""
+    out: dict[str, Any] = {}
+    for each in scenarios:
+        for section, keys in each.items():
+            out[section] = {**out.get(section, {}), **keys}
+    return out
+
+
+def weighed(
+    scenario: dict[str, Any],
+    *overrides: str,
+    body: dict[str, Any] | None = None,
+    changed: Callable[[Mapping[str, pl.DataFrame]], dict[str, pl.DataFrame]] | None = None,
+) -> Weighed:
+    """Simulate and replay.
+
+    Args:
+        scenario: sections, over nine starts without load.
+        overrides: of the machine file.
+        body: what is known of the machine.
+        changed: makes other topics of those simulated.
+    """
+    log = next(simulate_campaign(Scenario.model_validate(merged(RUNS, scenario))))
+    machine = load_machine("cat262c.toml", ['settings.trace.methods=["pooled", "ls"]', *overrides])
+    known = {
+        "empty_mass_kg": log.scenario.machine.mass_kg,
+        "force_share": log.scenario.machine.force_share,
+        **(body or {}),
+    }
+    about = machine.machine.model_copy(update=known)
+    machine = machine.model_copy(update={"machine": about})
+    true_kg = float(log.trials["mass_kg"][0])
+    if changed is not None:
+        log = replace(log, topics=changed(log.topics))
+    machine = reading_memory(machine, log)
+    return Weighed(run(MemoryLog(log), machine), true_kg, machine)
