@@ -181,11 +181,16 @@ def fit(
     correlation, white = np.ones(1), variance
     bread = np.diag(precision)
     for _ in range(_ROUNDS):
+        if not variance > 0.0:
+            return _nothing(p, f.size)
         share = _noise_share(added[0].sum(axis=0), gram + variance * np.diag(precision))
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
         clean = gram - kept * added[0].sum(axis=0)
         bare = cross - kept * added[1].sum(axis=0)
-        bread = np.linalg.inv(clean / variance + np.diag(precision))
+        try:
+            bread = np.linalg.inv(clean / variance + np.diag(precision))
+        except np.linalg.LinAlgError:
+            return _nothing(p, f.size)
         theta = bread @ (bare / variance + believed)
         residual = np.where(used, f - A @ theta, 0.0)
         # with few parameters to many samples, what the fit takes out is nothing
@@ -214,7 +219,11 @@ def fit(
     scores = (crosses - kept * added[1]) - (grams - kept * added[0]) @ theta
     scatter, ratio = _between_groups(gain, scores[told], covariance)
     misfit, common = _common_misfit(
-        gain, A, residual, [rows[i] for i in told], np.ones(n) if direction is None else direction
+        gain,
+        A,
+        residual,
+        [rows[i] for i in told],
+        np.ones(f.size) if direction is None else direction,
     )
     # where noise is nearly all there is, what was not taken off is doubted whole
     doubt = (
@@ -241,7 +250,10 @@ def _noise_share(noise: Floats, gram: Floats) -> float:
     """The largest share of noise in a direction of the columns."""
     if not noise.any():
         return 0.0
-    root = np.linalg.cholesky(gram)
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return np.inf
     half = np.linalg.solve(root, noise)
     return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])
 

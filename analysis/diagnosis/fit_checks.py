@@ -9,6 +9,7 @@ from analysis.diagnosis.disagreement import disagreements
 from analysis.diagnosis.evidence import Evidence, Motion
 from analysis.diagnosis.row import CheckRow
 from analysis.schema import values
+from analysis.weighing.budget import budget, combined
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.weigh import Weighing
 
@@ -62,9 +63,13 @@ def _lag_s(weighing: Weighing) -> float:
     return abs(float(weighing.fit.fit.theta[2 + names.index("lag")]))
 
 
-def _relative_u(weighing: Weighing) -> float:
-    mass_kg = weighing.fit.mass_kg
-    return weighing.fit.u_kg / mass_kg if mass_kg > 0 else np.inf
+def _relative_u(evidence: Evidence, _: Motion) -> float:
+    """Of the answer as it is stated, but for the scale, which no log tells."""
+    weighing = evidence.weighing
+    if weighing is None or not weighing.fit.mass_kg > 0:
+        return np.nan if weighing is None else np.inf
+    u_kg = combined(budget(weighing, evidence.machine), "random", "common")
+    return u_kg / weighing.fit.mass_kg if np.isfinite(weighing.fit.u_kg) else np.nan
 
 
 def _friction_t(weighing: Weighing) -> float:
@@ -109,7 +114,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "relative_u",
         "mass",
-        _of_fit(_relative_u),
+        _relative_u,
         "standard uncertainty of the answer over the answer",
         maximum="relative_std_max",
         applies=_fitted,

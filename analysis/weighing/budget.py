@@ -141,7 +141,7 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     fit, body = weighing.fit, machine.machine
     priors = {term.name: term for term in NUISANCES}
     sources: list[UncertaintySource] = []
-    for name, u_kg in {**fit.parts_kg, **doubts(weighing)}.items():
+    for name, u_kg in {**fit.parts_kg, **doubts(weighing, machine)}.items():
         if name in priors:
             term = priors[name]
             sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
@@ -173,14 +173,16 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
 
 
-def doubts(weighing: Weighing) -> dict[str, float]:
+def doubts(weighing: Weighing, machine: Machine) -> dict[str, float]:
     """What else a check of the fit widens the answer by, in kg, where it shows."""
     found: dict[str, float] = {}
     t, kg = weighing.curvature_t, weighing.curvature_kg
-    if abs(t) > _CURVED and abs(kg) > _MATTERS * abs(weighing.fit.mass_kg):
+    if abs(t) > machine.settings.verdict.curvature_t_max and abs(kg) > _MATTERS * abs(
+        weighing.fit.mass_kg
+    ):
         found["curvature"] = abs(kg)
     if weighing.braking_doubted:
-        found["braking"] = abs(weighing.braking_kg)
+        found["braking"] = abs(weighing.braking_kg) / 2.0
     leans_kg = abs(weighing.doubled_kg - weighing.fit.mass_kg)
     if leans_kg > _LEANS * weighing.fit.u_kg:
         found["priors"] = leans_kg

@@ -46,6 +46,7 @@ class JointFit:
         motion: what was fitted.
         lag_shape_kg: what it would change to take a lag for a low-pass instead of a delay, or the
             other way round, where neither makes up for it; else 0.
+        shifted: whether the force was moved back by the lag.
     """
 
     terms: tuple[Nuisance, ...]
@@ -56,6 +57,7 @@ class JointFit:
     mean_samples: int
     motion: Equation
     lag_shape_kg: float = 0.0
+    shifted: bool = True
 
     @property
     def lag_s(self) -> float:
@@ -133,7 +135,7 @@ def again(
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others."""
     task = _Task(found.motion, noise, priors, (*found.terms, *extra), found.kinematics)
-    return task.fitted(found.mean_samples, 1, begin=found)
+    return task.fitted(found.mean_samples, 1, shift=found.shifted, begin=found)
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,7 @@ class _Task:
         lag = [term.name for term in self.terms].index("lag")
         means = np.zeros(len(self.terms))
         std = means
-        lag_s = begin.lag_s if begin else 0.0
+        lag_s = begin.lag_s if begin and shift else 0.0
         fitted = begin.fit if begin else None
         for _ in range(rounds):
             mean, std = self._priors(fitted)
@@ -182,7 +184,9 @@ class _Task:
         if shift:
             theta[2 + lag] = lag_s
         fit = replace(fitted, theta=theta)
-        return JointFit(self.terms, means, std, fit, self.wheels, samples, self.motion)
+        return JointFit(
+            self.terms, means, std, fit, self.wheels, samples, self.motion, shifted=shift
+        )
 
     def _priors(self, fitted: PriorFit | None) -> tuple[Floats, Floats]:
         """Means and widths; those of slip once friction is known: it costs friction · slip."""

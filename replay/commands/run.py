@@ -125,7 +125,7 @@ def _print_verdict(screen: "Console", answer: "Answer") -> None:
 
 
 _CONSEQUENCES = {
-    "widen": "widened",
+    "widen": "taken into account",
     "method": "methods not shown",
     "tell": "note",
 }
