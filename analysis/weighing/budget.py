@@ -69,7 +69,7 @@ _PARTS: Final = {
     ),
     "gain": _FitPart(
         "common",
-        "wheels and accelerometer disagree, and the log cannot say which is wrong",
+        "gain of the accelerometer, or wheels that disagree with it: the log cannot say which",
         "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
     ),
     "braking": _FitPart(

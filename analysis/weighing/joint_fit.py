@@ -82,19 +82,31 @@ class JointFit:
         if wheels is not None:
             if self.motion.by_accelerometer:
                 parts["speed_delay"] = max(float(self.fit.theta[1]), 0.0) * wheels.delay_s[1]
+            # a wrong wheel radius is in the force, and in a speed's derivative once more
+            times = 1.0 if self.motion.by_accelerometer else 2.0
             if wheels.gain_counts:
-                # a wrong wheel radius is in the force, and in a speed's derivative once more
-                times = 1.0 if self.motion.by_accelerometer else 2.0
                 parts["gain"] = times * abs(wheels.gain[0] * self.mass_kg)
+            elif self.corrects_gain:
+                parts["gain"] = wheels.gain_by_prior[1] * abs(self.mass_kg)
         return parts
 
     @property
     def mass_kg(self) -> float:
-        """The mass, what the speed's delay adds to it taken off."""
-        late, wheels = 0.0, self.kinematics
+        """The mass, what the speed's delay and the accelerometer's gain do to it taken off."""
+        late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
             late = wheels.delay_s[0]
-        return float(self.fit.theta[0]) - max(float(self.fit.theta[1]), 0.0) * late
+        if wheels is not None and self.corrects_gain:
+            gain = wheels.gain_by_prior[0]
+        return (float(self.fit.theta[0]) - max(float(self.fit.theta[1]), 0.0) * late) / (1.0 + gain)
+
+    @property
+    def corrects_gain(self) -> bool:
+        """Whether the accelerometer's gain, as far as its prior has it, is taken off the mass."""
+        wheels = self.kinematics
+        if wheels is None or not self.motion.by_accelerometer:
+            return False
+        return wheels.goes_together and not wheels.gain_counts
 
     @property
     def u_kg(self) -> float:
