@@ -229,12 +229,15 @@ class VerdictLimits(BaseModel):
     friction_t_min: float = Field(
         -4.0, description="least friction of the answer over its standard deviation"
     )
-    noise_share_max: float = Field(
+    channel_noise_max: float = Field(
         0.5, gt=0, le=1, description="largest share of noise in what the answer is fitted to"
     )
     lag_max_s: float = Field(0.1, gt=0, description="largest delay of the force, or of the speed")
     gain_max: float = Field(
         0.01, gt=0, description="largest disagreement of wheels and accelerometer that widens none"
+    )
+    wheels_max: float = Field(
+        30.0, gt=0, description="largest disagreement of wheels and accelerometer over their noise"
     )
     scatter_max: float = Field(
         4.0, gt=1, description="largest deviation of the starts over what their noise explains"

@@ -25,16 +25,18 @@ class Disagreement(NamedTuple):
 def disagreements(evidence: Evidence) -> list[Disagreement]:
     """Compare every method that has a mass with the joint fit.
 
-    A method without nuisance terms says that they are 0. Where the log shows one that is not, its
-    interval must at least contain the answer's; likewise where starts disagree, since then its
-    deviation, which is of noise alone, is too small.
+    A method without nuisance terms says that they are 0, but for the Coulomb term where it is set.
+    Where the log shows one that is not, its interval must at least contain the answer's; likewise
+    where starts disagree, since then its deviation, which is of noise alone, is too small.
     """
     weighing, totals = evidence.weighing, evidence.totals
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
     found = np.abs(fit.fit.theta[2:]) / fit.fit.std[2:]
-    shows = bool((found > _TERM_IS_THERE).any() or fit.fit.scatter.any() or fit.fit.misfit.any())
+    lacks = np.array([term.name not in _modelled(evidence) for term in fit.terms])
+    shows = bool((found[lacks] > _TERM_IS_THERE).any())
+    shows = shows or bool(fit.fit.scatter.any() or fit.fit.misfit.any())
     out: list[Disagreement] = []
     columns = (totals["method"].to_list(), values(totals, "mass_kg"), values(totals, "mass_std_kg"))
     for method, mass_kg, std_kg in zip(*columns, strict=True):
@@ -49,3 +51,10 @@ def disagreements(evidence: Evidence) -> list[Disagreement]:
         misses = shows and abs(apart_kg) + fit.u_kg > 1.96 * std_kg
         out.append(Disagreement(method, float(deviations), contradicted=far or misses))
     return out
+
+
+def _modelled(evidence: Evidence) -> set[str]:
+    """The nuisances that the methods have as well: their Coulomb term, a constant one way."""
+    if evidence.weighing is None or not evidence.machine.settings.forces.coulomb:
+        return set()
+    return {"direction" if evidence.weighing.fit.motion.both_ways else "const"}

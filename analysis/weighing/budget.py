@@ -12,6 +12,8 @@ from analysis.weighing.weigh import Weighing
 
 #: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
 _CURVED: Final = 6.0
+#: The answer leans on its priors when doubling them moves it by so many of its deviations.
+_LEANS: Final = 1.5
 _MATTERS: Final = 0.01
 
 
@@ -74,6 +76,11 @@ _PARTS: Final = {
         "common",
         "braking and driving say different masses, and driving alone cannot decide",
         "settings.gate.exclude_braking = true, or a force that sees all brakes",
+    ),
+    "priors": _FitPart(
+        "common",
+        "priors twice as wide move the mass by more than its uncertainty",
+        "starts at different throttles and both ways, or priors that are known",
     ),
     "curvature": _FitPart(
         "common",
@@ -174,6 +181,9 @@ def doubts(weighing: Weighing) -> dict[str, float]:
         found["curvature"] = abs(kg)
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg)
+    leans_kg = abs(weighing.doubled_kg - weighing.fit.mass_kg)
+    if leans_kg > _LEANS * weighing.fit.u_kg:
+        found["priors"] = leans_kg
     return found
 
 

@@ -20,6 +20,8 @@ _ROUNDS: Final = 4
 #: With more noise than this in a direction of its columns a mean is too short.
 _MOST_NOISE: Final = 0.3
 _NEARLY: Final = 1.1
+#: A stretch holds at least so many means that have no sample in common.
+_MEANS_A_STRETCH: Final = 6
 #: So many stretches tell which mean is best.
 _TRIED: Final = 24
 #: Up to here it does not matter whether a force is delayed or low-passed.
@@ -87,9 +89,9 @@ class JointFit:
     @property
     def mass_kg(self) -> float:
         """The mass, what the speed's delay adds to it taken off."""
-        late = 0.0
-        if self.kinematics is not None and self.motion.by_accelerometer:
-            late = self.kinematics.delay_s[0]
+        late, wheels = 0.0, self.kinematics
+        if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
+            late = wheels.delay_s[0]
         return float(self.fit.theta[0]) - max(float(self.fit.theta[1]), 0.0) * late
 
     @property
@@ -103,7 +105,9 @@ def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) ->
     wheels = kinematics(motion, noise, priors)
     whole = _Task(motion, noise, priors, terms_of(motion), wheels)
     part = replace(whole, motion=motion.beginning(_TRIED))
-    first = [part.fitted(samples, 1) for samples in MEANS]
+    longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
+    lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
+    first = [part.fitted(samples, 1) for samples in lengths]
     telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
@@ -184,7 +188,7 @@ class _Task:
         """Means and widths; that of slip by what the wheels say, once friction is known."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if self.wheels is not None and fitted is not None:
+        if self.wheels is not None and self.wheels.goes_together and fitted is not None:
             at = [term.name for term in self.terms].index("slip")
             friction = max(float(fitted.theta[1]), 0.0)
             mean[at] = -friction * self.wheels.slip_1_N[0]

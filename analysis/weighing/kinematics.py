@@ -1,6 +1,6 @@
 """Wheels against accelerometer: gain, slip and delay of the speed, from the motion alone.
 
-    v = ∫ (1 + gain) a dt + slip · v F - delay · a + a constant and a slope for each manoeuvre
+    v = ∫ (1 + gain) a dt + slip · |v| F - delay · a + a constant and a slope for each manoeuvre
 
 The constant is the speed that it begins with, the slope takes tilt, bias and grade. Slip κ = F / C
 (Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its coefficient is 1 / C.
@@ -40,16 +40,23 @@ class Kinematics:
         delay_s: how late the speed is.
         slip_1_N: 1 / C, what share of its speed a newton makes the wheels slip.
         gain_counts: whether the gain is more than its prior and the log's noise allow.
+        mismatch: residuals over the speed's noise; above 3 slip and delay are not taken from here.
     """
 
     gain: tuple[float, float]
     delay_s: tuple[float, float]
     slip_1_N: tuple[float, float]
     gain_counts: bool
+    mismatch: float
+
+    @property
+    def goes_together(self) -> bool:
+        """Whether wheels and accelerometer go together at all."""
+        return self.mismatch <= _MISMATCH
 
 
 def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
-    """Compare them; None where there is no accelerometer, or the two do not go together at all.
+    """Compare them; None where there is no accelerometer, or no stretch is long enough.
 
     Hills put a gravity on the accelerometer that changes within a manoeuvre. Where that is what
     the comparison stumbles over, it is taken off by the pitch; not before, since a body that
@@ -58,11 +65,11 @@ def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -
     if motion.specific_force is None:
         return None
     found = _compared(motion.specific_force, motion, noise, priors)
-    if found is not None or motion.without_gravity is None:
+    if found is None or found.goes_together or motion.without_gravity is None:
         return found
     level = _compared(motion.without_gravity, motion, noise, priors)
-    if level is None:
-        return None
+    if level is None or not level.goes_together:
+        return found
     # a body that squats under acceleration pitches with it, one on hills does not
     share, together = _pitches(motion.specific_force - motion.without_gravity, motion)
     if together < _TOGETHER:
@@ -95,9 +102,10 @@ def _compared(
         return prior_fit.fit(*rows, np.zeros(3), widths, shortest=10 * _MEAN // _EVERY)
 
     wide = solved(_WIDE_GAIN)
-    if wide.residual_rms > _MISMATCH * float(np.sqrt(noise.covariance(_MEAN)[1, 1])):
-        return None
-    counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, _GAIN_COUNTS * wide.std[0]))
+    mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
+    # where the two do not go together, deviations say nothing
+    times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
+    counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
     found = wide if counts else solved(priors.gain)
     values = list(zip(found.theta.tolist(), found.std.tolist(), strict=True))
     return Kinematics(
@@ -105,6 +113,7 @@ def _compared(
         slip_1_N=values[1],
         delay_s=values[2],
         gain_counts=counts,
+        mismatch=mismatch,
     )
 
 
@@ -133,7 +142,7 @@ def _rows(
         y = mean(v - gained)
         ramp = np.linspace(-1.0, 1.0, y.size)
         kept, _ = np.linalg.qr(np.column_stack([np.ones(y.size), ramp]))
-        X = np.column_stack([mean(gained), mean(reached * f), mean(-a)])
+        X = np.column_stack([mean(gained), mean(np.abs(reached) * f), mean(-a)])
         columns.append(X - kept @ (kept.T @ X))
         responses.append(y - kept @ (kept.T @ y))
         groups.append(np.full(y.size, len(groups)))

@@ -91,12 +91,12 @@ NUISANCES: Final = (
     Nuisance(
         "slip",
         "s/m",
-        lambda m: m.speed * m.force,
+        lambda m: np.abs(m.speed) * m.force,
         lambda e, s: s.slip_share / e.largest_speed,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
-        by_speed=lambda m: m.force,
-        by_force=lambda m: m.speed,
+        by_speed=lambda m: np.sign(m.speed) * m.force,
+        by_force=lambda m: np.abs(m.speed),
     ),
     Nuisance(
         "quadratic",
@@ -121,7 +121,7 @@ NUISANCES: Final = (
     Nuisance(
         "load_transfer",
         "s²/m",
-        lambda m: m.acceleration * m.direction * m.force,
+        lambda m: m.acceleration * m.force,
         lambda _, s: s.load_transfer_s2_m,
         "the measured wheels' share of the force changes with the acceleration",
         "force measured on all wheels, or starts at different throttles",

@@ -7,6 +7,8 @@ import polars as pl
 import pytest
 
 from analysis.answer import answer
+from analysis.machine import Machine
+from analysis.masses import masses
 from analysis.run import Run
 from replay import load_machine, open_log, run
 from replay.machine_file import time_axis
@@ -23,7 +25,17 @@ def replay(log: Path, machine_file: str, overrides: Sequence[str] = ()) -> Run:
 
 
 def pooled(replayed: Run) -> dict[str, float]:
-    return replayed.frames["masses"].filter(pl.col("method") == "pooled").to_dicts()[0]
+    """What the method gives, whether or not the answer contradicts it."""
+    frames, about = replayed.frames, replayed.provenance
+    machine = Machine.model_validate({**about.machine, "settings": about.settings})
+    table = masses(
+        frames["excitation"],
+        frames["gate"],
+        {"pooled": frames["estimates/pooled"]},
+        machine,
+        frames["noise"],
+    )
+    return table.to_dicts()[0]
 
 
 class TestLinearAxis:
@@ -44,11 +56,27 @@ class TestLinearAxis:
         assert pooled(replayed)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
 
     def test_three_formats_give_the_same_masses(self, data: Path) -> None:
-        masses = [
-            pooled(replay(data / "logs" / log, machine_file))["mass_kg"]
-            for log, machine_file in self.LOGS
-        ]
-        assert masses[1:] == pytest.approx(masses[:1] * 2, rel=1e-9)
+        replayed = [replay(data / "logs" / log, machine_file) for log, machine_file in self.LOGS]
+        of_method = [pooled(each)["mass_kg"] for each in replayed]
+        assert of_method[1:] == pytest.approx(of_method[:1] * 2, rel=1e-9)
+        joint = [each.frames["loads"]["mass_kg"][0] for each in replayed]
+        assert joint[1:] == pytest.approx(joint[:1] * 2, rel=1e-9)
+
+    @pytest.mark.parametrize("window", [100, 320])
+    def test_the_answer_is_within_two_percent_and_two_standard_uncertainties(
+        self, data: Path, window: int
+    ) -> None:
+        """Its dry friction is one of the terms; the force's gain is what no log tells."""
+        overrides = [f"settings.gate.window_samples={window}"]
+        replayed = replay(data / "logs/linear_axis.csv", "linear_axis.toml", overrides)
+        load = replayed.frames["loads"].row(0, named=True)
+        assert load["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
+        assert abs(load["mass_kg"] - REFERENCE_KG) < 2.0 * load["u_kg"]
+        assert load["u_kg"] < 0.02 * load["mass_kg"]
+        terms = {row["term"]: row for row in replayed.frames["nuisances"].to_dicts()}
+        dry = terms["direction"]
+        assert abs(dry["posterior"] - 20.4) < 3.0 * dry["posterior_std"]
+        assert load["scale_unknown"] == "force_gain"
 
     def test_with_the_coulomb_term_friction_is_within_five_percent(self, data: Path) -> None:
         found = pooled(replay(data / "logs/linear_axis.csv", "linear_axis.toml"))
