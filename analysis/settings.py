@@ -159,9 +159,6 @@ class PriorSettings(BaseModel):
     )
     lag_s: float = Field(0.02, gt=0, description="prior of the force's delay")
     lag_drift_s: float = Field(0.01, gt=0, description="prior of that delay's change over the log")
-    slip_share: float = Field(
-        0.06, gt=0, description="prior of what slip costs at top speed and full force, as a share"
-    )
     quadratic_share: float = Field(
         0.07, gt=0, description="prior of a quadratic resistance at top speed, as a share"
     )

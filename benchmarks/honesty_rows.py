@@ -154,8 +154,8 @@ CLEAN = ("nuisances from their priors", "nuisances at zero")
 WIDTHS = ("nine starts, force_share = 1", "nine starts, force_share = 0.5")
 NARROW = ("narrow priors, force_share = 1", "narrow priors, force_share = 0.5")
 _NARROWED = (
-    *("const_share", "lag_s", "lag_drift_s", "slip_share", "quadratic_share"),
-    *("direction_share", "speed_delay_s"),
+    *("const_share", "lag_s", "lag_drift_s", "wheel_slip", "quadratic_share"),
+    *("direction_share", "speed_delay_s", "const_weight_share", "direction_weight_share"),
 )
 
 
@@ -224,7 +224,7 @@ def _nuisances(design: Sections, dice: np.random.Generator) -> tuple[Sections, f
     # one way a constant is offset and friction together
     bias_N = normal(const_N if both_ways else const_N * 0.8)
     coulomb_N = abs(normal(prior["direction_share"] * force_N if both_ways else const_N * 0.6))
-    slip = abs(normal(prior["slip_share"]))
+    slip = abs(normal(prior["wheel_slip"]))
     force_s, speed_s = normal(prior["lag_s"]), normal(prior["speed_delay_s"])
     first_s = min(0.0, force_s, speed_s)
     period_s = campaign["standstill_s"] + campaign["start_s"] + campaign["cruise_s"] + 1.5

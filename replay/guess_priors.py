@@ -15,7 +15,6 @@ _SETTINGS: Final = {
     "const": "const_share",
     "lag": "lag_s",
     "lag_drift": "lag_drift_s",
-    "slip": "slip_share",
     "quadratic": "quadratic_share",
     "direction": "direction_share",
     "load_transfer": "load_transfer_s2_m",

@@ -185,12 +185,16 @@ class _Task:
         return JointFit(self.terms, means, std, fit, self.wheels, samples, self.motion)
 
     def _priors(self, fitted: PriorFit | None) -> tuple[Floats, Floats]:
-        """Means and widths; that of slip by what the wheels say, once friction is known."""
+        """Means and widths; those of slip once friction is known: it costs friction · slip."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if self.wheels is not None and self.wheels.goes_together and fitted is not None:
-            at = [term.name for term in self.terms].index("slip")
-            friction = max(float(fitted.theta[1]), 0.0)
+        if fitted is None:
+            return mean, std
+        at = [term.name for term in self.terms].index("slip")
+        friction = max(float(fitted.theta[1]), 0.0)
+        std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
+        std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)
+        if self.wheels is not None and self.wheels.goes_together:
             mean[at] = -friction * self.wheels.slip_1_N[0]
             std[at] = np.hypot(friction * self.wheels.slip_1_N[1], _LEAST_SLIP * std[at])
         return mean, std

@@ -92,7 +92,7 @@ NUISANCES: Final = (
         "slip",
         "s/m",
         lambda m: np.abs(m.speed) * m.force,
-        lambda e, s: s.slip_share / e.largest_speed,
+        lambda e, s: s.wheel_slip / e.largest_speed,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
         by_speed=lambda m: np.sign(m.speed) * m.force,

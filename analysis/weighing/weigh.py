@@ -112,7 +112,8 @@ def weigh(
             alone = joint_fit(driving, columns, priors)
             braking_kg = fit.mass_kg - alone.mass_kg
             # nested fits differ by what the smaller one lacks (Hausman)
-            allowed = _DISAGREES * float(np.sqrt(max(alone.u_kg**2 - fit.u_kg**2, 0.0)))
+            nested_kg = float(np.sqrt(max(alone.u_kg**2 - fit.u_kg**2, 0.0)))
+            allowed = _DISAGREES * max(nested_kg, fit.u_kg)
             left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
             fit = alone if left_out else fit
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
