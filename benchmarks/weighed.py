@@ -35,8 +35,8 @@ class Weighed:
         reason: why it is withheld, empty where it is not.
         smallest: of the methods that are shown, over the true mass.
         pooled_std: the paper's deviation of `pooled`.
-        terms: of the fit: value over its deviation, the mass' uncertainty by it in kg, value over
-            the width of its prior.
+        terms: of the fit: value over its deviation, the mass' uncertainty by it in kg, and the
+            value over the width of its prior.
         starts: simulated.
     """
 

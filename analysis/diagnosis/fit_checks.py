@@ -221,7 +221,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "aa",
         "mass",
-        _of_fit(lambda weighing: abs(weighing.curvature_t)),
+        _of_fit(lambda weighing: abs(weighing.curvature.t)),
         "deviations from 0 of a force in a·|a|: the force is not linear in the acceleration",
         maximum="curvature_t_max",
         applies=_fitted,

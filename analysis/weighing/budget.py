@@ -10,11 +10,8 @@ from analysis.machine import Machine
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
-#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
-_CURVED: Final = 6.0
 #: The answer leans on its priors when doubling them moves it by so many of its deviations.
 _LEANS: Final = 1.5
-_MATTERS: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +138,7 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     fit, body = weighing.fit, machine.machine
     priors = {term.name: term for term in NUISANCES}
     sources: list[UncertaintySource] = []
-    for name, u_kg in {**fit.parts_kg, **doubts(weighing, machine)}.items():
+    for name, u_kg in {**fit.parts_kg, **doubts(weighing)}.items():
         if name in priors:
             term = priors[name]
             sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
@@ -173,14 +170,11 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
 
 
-def doubts(weighing: Weighing, machine: Machine) -> dict[str, float]:
+def doubts(weighing: Weighing) -> dict[str, float]:
     """What else a check of the fit widens the answer by, in kg, where it shows."""
     found: dict[str, float] = {}
-    t, kg = weighing.curvature_t, weighing.curvature_kg
-    if abs(t) > machine.settings.verdict.curvature_t_max and abs(kg) > _MATTERS * abs(
-        weighing.fit.mass_kg
-    ):
-        found["curvature"] = abs(kg)
+    if weighing.curvature.shows:
+        found["curvature"] = abs(weighing.curvature.kg)
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0
     leans_kg = abs(weighing.doubled_kg - weighing.fit.mass_kg)

@@ -10,7 +10,7 @@ from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, Floats, equation
+from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.joint_fit import JointFit, again, joint_fit
 from analysis.weighing.nuisances import CURVATURE
 
@@ -20,10 +20,33 @@ _DISAGREES: Final = 3.0
 _DOUBTED: Final = 2.0
 #: And by this share of it.
 _MATTERS: Final = 0.005
+#: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
+_CURVED: Final = 6.0
+_COUNTS: Final = 0.01
 #: Means of so many samples of a derivative are differences.
 _LONG: Final = 20
 #: Fewer samples are not fitted.
 _FEWEST: Final = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Curvature:
+    """What a term in a·|a| finds in a fit.
+
+    Attributes:
+        t: how many deviations it is from 0.
+        kg: how far it would move the mass.
+        mass_kg: without it.
+    """
+
+    t: float
+    kg: float
+    mass_kg: float
+
+    @property
+    def shows(self) -> bool:
+        """Whether the force is not linear in the acceleration, and it matters."""
+        return abs(self.t) > _CURVED and abs(self.kg) > _COUNTS * abs(self.mass_kg)
 
 
 @dataclass(frozen=True)
@@ -38,8 +61,7 @@ class Weighing:
         braking_left_out: whether it disagreed and is left out.
         braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
             driving alone can contradict.
-        curvature_t: how many deviations a term in a·|a| is from 0.
-        curvature_kg: how far it would move the mass.
+        curvature: what a term in a·|a| finds.
     """
 
     fit: JointFit
@@ -48,8 +70,7 @@ class Weighing:
     braking_kg: float
     braking_left_out: bool
     braking_doubted: bool
-    curvature_t: float
-    curvature_kg: float
+    curvature: Curvature
 
 
 @dataclass(frozen=True)
@@ -110,14 +131,15 @@ def weigh(
         driving = motion(braking=False)
         if driving.used.sum() >= _FEWEST:
             alone = joint_fit(driving, columns, priors)
-            braking_kg = fit.mass_kg - alone.mass_kg
-            allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
-            left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
-            fit = alone if left_out else fit
+            # driving that its own model does not fit is no witness against braking
+            if not curvature(alone, columns, priors).shows:
+                braking_kg = fit.mass_kg - alone.mass_kg
+                allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
+                left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
+                fit = alone if left_out else fit
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
-    curved = again(fit, columns, priors, (CURVATURE,)).fit
     return Weighing(
         fit,
         halved.mass_kg,
@@ -125,8 +147,17 @@ def weigh(
         braking_kg,
         left_out,
         doubted,
+        curvature(fit, columns, priors),
+    )
+
+
+def curvature(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Curvature:
+    """Fit once more with a term in a·|a|."""
+    curved = again(fit, noise, priors, (CURVATURE,)).fit
+    return Curvature(
         float(curved.theta[-1] / curved.std[-1]),
         float(curved.theta[0] - fit.fit.theta[0]),
+        fit.mass_kg,
     )
 
 

