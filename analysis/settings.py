@@ -233,6 +233,9 @@ class VerdictLimits(BaseModel):
     gain_max: float = Field(
         0.01, gt=0, description="largest disagreement of wheels and accelerometer that widens none"
     )
+    beyond_prior_max: float = Field(
+        3.5, gt=0, description="largest constant force or Coulomb friction over its prior's width"
+    )
     wheels_max: float = Field(
         30.0, gt=0, description="largest disagreement of wheels and accelerometer over their noise"
     )

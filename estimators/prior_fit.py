@@ -7,7 +7,7 @@ same way, widen the answer. Every part is kept by itself, for a budget.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -156,77 +156,47 @@ def fit(
     Returns:
         The fit; NaN throughout where the samples do not determine it.
     """
-    ids = group_ids(group)
     used = group >= 0
     n, p = int(used.sum()), A.shape[1]
-    scale = np.sqrt((A[used] ** 2).mean(axis=0))
     if n <= p:
         return _nothing(p, f.size)
-    # a column that never shows itself is left to its prior
+    scale = np.sqrt((A[used] ** 2).mean(axis=0))
+    # a column that is 0 throughout is left to its prior
     scale = np.where(scale > 0.0, scale, 1.0)
     A = np.ascontiguousarray(np.where(used[:, None], A / scale, 0.0))
     f = np.where(used, f, 0.0)
-    rows = [np.flatnonzero(group == each) for each in ids]
-    grams = np.stack([A[part].T @ A[part] for part in rows])
-    crosses = np.stack([A[part].T @ f[part] for part in rows])
-    added = np.zeros_like(grams), np.zeros_like(crosses)
-    if noise is not None:
-        added = noise.gram / np.outer(scale, scale), noise.cross / scale
+    sums = _Sums.of(A, f, group, noise, scale)
     precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
-    believed = precision * prior_mean * scale
-
-    gram, cross = grams.sum(axis=0), crosses.sum(axis=0)
-    # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
-    theta = np.linalg.lstsq(gram, cross, rcond=None)[0]
-    first = f - A @ theta
-    variance = float(first @ first) / n
-    share, kept = 0.0, 1.0
-    correlation, white = np.ones(1), variance
-    bread = np.diag(precision)
-    for _ in range(_ROUNDS):
-        share = _noise_share(added[0].sum(axis=0), gram + variance * np.diag(precision))
-        kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
-        clean = gram - kept * added[0].sum(axis=0)
-        bare = cross - kept * added[1].sum(axis=0)
-        bread = np.linalg.inv(clean / variance + np.diag(precision))
-        theta = bread @ (bare / variance + believed)
-        residual = np.where(used, f - A @ theta, 0.0)
-        # with few parameters to many samples, what the fit takes out is nothing
-        correlation, _ = pooled_autocorrelation(residual, group, None)
-        white = float(residual @ residual) / (n - p)
-        variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
-    gain = bread / variance
-    residual = np.where(used, f - A @ theta, 0.0)
+    try:
+        solved = _solved(A, f, group, sums, precision, precision * prior_mean * scale)
+    except np.linalg.LinAlgError:
+        return _nothing(p, f.size)
+    theta, bread, gain, residual, correlation, white, share, kept = solved
     meats = np.sum(
         [
-            meat(A, group, int(each), int(part[0]), int(part[-1]), correlation)
-            for each, part in zip(ids, rows, strict=True)
+            meat(A, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation)
+            for part in sums.rows
         ],
         axis=0,
     )
     # noise of the columns times the residuals, both of which last as long as the mean does
-    alike = 2.0 * float(correlation @ correlation) - 1.0
-    meats += added[0].sum(axis=0) * max(alike, 1.0)
-    covariance = gain @ (_at_least(meats, gram) * white) @ gain.T
-    freedom = max(n / max(2.0 * float(correlation @ correlation) - 1.0, 1.0) - p, 1.0)
-    covariance *= student_factor(freedom) ** 2
-    told = [i for i, part in enumerate(rows) if part.size >= shortest]
+    alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
+    meats += sums.noise_gram.sum(axis=0) * alike
+    covariance = gain @ (_at_least(meats, sums.grams.sum(axis=0)) * white) @ gain.T
+    covariance *= student_factor(max(n / alike - p, 1.0)) ** 2
+    told = [i for i, part in enumerate(sums.rows) if part.size >= shortest]
     if len(told) < _FEW_GROUPS:
         # nothing tells what they miss alike, or how they scatter
         covariance *= _OF_FEW**2
-    scores = (crosses - kept * added[1]) - (grams - kept * added[0]) @ theta
+    scores = (sums.crosses - kept * sums.noise_cross) - (
+        sums.grams - kept * sums.noise_gram
+    ) @ theta
     scatter, ratio = _between_groups(gain, scores[told], covariance)
-    misfit, common = _common_misfit(
-        gain,
-        A,
-        residual,
-        [rows[i] for i in told],
-        np.ones(f.size) if direction is None else direction,
-    )
+    signs = np.ones(f.size) if direction is None else direction
+    misfit, common = _common_misfit(gain, A, residual, [sums.rows[i] for i in told], signs)
     # where noise is nearly all there is, what was not taken off is doubted whole
-    doubt = (
-        (DOUBT * kept + (1.0 - kept)) * gain @ (added[0].sum(axis=0) @ theta - added[1].sum(axis=0))
-    )
+    taken = sums.noise_gram.sum(axis=0) @ theta - sums.noise_cross.sum(axis=0)
+    doubt = (DOUBT * kept + (1.0 - kept)) * gain @ taken
     units = np.outer(scale, scale)
     return PriorFit(
         theta / scale,
@@ -242,6 +212,75 @@ def fit(
         residual,
         float(np.sqrt(residual @ residual / n)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Sums:
+    """The normal equations by group, and what noise adds to them, of scaled columns."""
+
+    rows: list[Ints]
+    grams: Floats
+    crosses: Floats
+    noise_gram: Floats
+    noise_cross: Floats
+
+    @classmethod
+    def of(
+        cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
+    ) -> "_Sums":
+        rows = [np.flatnonzero(group == each) for each in group_ids(group)]
+        grams = np.stack([A[part].T @ A[part] for part in rows])
+        crosses = np.stack([A[part].T @ f[part] for part in rows])
+        if noise is None:
+            return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
+        return cls(rows, grams, crosses, noise.gram / np.outer(scale, scale), noise.cross / scale)
+
+
+class _Solved(NamedTuple):
+    """Estimates, H⁻¹, H⁻¹/σ², residuals with their correlation and variance, the noise's share."""
+
+    theta: Floats
+    bread: Floats
+    gain: Floats
+    residual: Floats
+    correlation: Floats
+    white: float
+    share: float
+    kept: float
+
+
+def _solved(
+    A: Floats, f: Floats, group: Ints, sums: _Sums, precision: Floats, believed: Floats
+) -> _Solved:
+    """Solve (G/σ² + P⁻¹) θ = b/σ² + P⁻¹ θ₀, σ² by the residuals' long-run variance.
+
+    Raises:
+        LinAlgError: the samples do not determine it.
+    """
+    used = group >= 0
+    n, p = int(used.sum()), A.shape[1]
+    gram, cross = sums.grams.sum(axis=0), sums.crosses.sum(axis=0)
+    added, shared = sums.noise_gram.sum(axis=0), sums.noise_cross.sum(axis=0)
+    # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
+    theta = np.linalg.lstsq(gram, cross, rcond=None)[0]
+    first = f - A @ theta
+    variance = float(first @ first) / n
+    solved: _Solved | None = None
+    for _ in range(_ROUNDS):
+        if not variance > 0.0:
+            raise np.linalg.LinAlgError("no residuals")
+        share = _noise_share(added, gram + variance * np.diag(precision))
+        kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
+        bread = np.linalg.inv((gram - kept * added) / variance + np.diag(precision))
+        theta = bread @ ((cross - kept * shared) / variance + believed)
+        residual = np.where(used, f - A @ theta, 0.0)
+        # with few parameters to many samples, what the fit takes out is nothing
+        correlation, _ = pooled_autocorrelation(residual, group, None)
+        white = float(residual @ residual) / (n - p)
+        solved = _Solved(theta, bread, bread / variance, residual, correlation, white, share, kept)
+        variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
+    assert solved is not None
+    return solved
 
 
 def _at_least(meats: Floats, gram: Floats) -> Floats:
@@ -263,7 +302,10 @@ def _noise_share(noise: Floats, gram: Floats) -> float:
     """The largest share of noise in a direction of the columns."""
     if not noise.any():
         return 0.0
-    root = np.linalg.cholesky(gram)
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return np.inf
     half = np.linalg.solve(root, noise)
     return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])
 

@@ -15,7 +15,7 @@ _COVERAGE: Final = 1.96
 
 
 def load_lines(load: Mapping[str, Any]) -> list[str]:
-    """Mass, payload and how they bear other priors; or the reason why there is none."""
+    """Mass, payload and their sensitivity to the priors; or the reason why there is none."""
     if load.get("mass_kg") is None:
         return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
     mass, u = load["mass_kg"], load["u_kg"]
@@ -23,7 +23,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
     lines = [
         f"mass {plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
         f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "
-        f"{'start' if load['manoeuvres'] == 1 else 'starts'}"
+        f"{'stretch' if load['manoeuvres'] == 1 else 'stretches'}"
     ]
     if load["payload_kg"] is not None:
         lines.append(f"payload {plus_minus(load['payload_kg'], load['payload_u_kg'])} kg")
@@ -37,7 +37,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
             "so none is in the ±"
         )
     if load["braking_left_out"]:
-        lines.append("braking moved the mass and was left out: the force does not see all brakes")
+        lines.append("braking and driving disagree about the mass, and braking was left out")
     return lines
 
 

@@ -54,10 +54,6 @@ def verdict(evidence: Evidence) -> pl.DataFrame:
     return build("verdict", frame.with_columns(passed=passed).to_dict())
 
 
-#: A force that correlates so well with the deceleration has its sign.
-_FOLLOWS: Final = 0.8
-
-
 def _partial_correlation(_: Evidence, motion: Motion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
@@ -73,17 +69,6 @@ def _r_squared(_: Evidence, motion: Motion) -> float:
 
 def _opposing_share(_: Evidence, motion: Motion) -> float:
     return 1.0 - fit_quality.along_share(motion.speed, motion.f, motion.braking)
-
-
-def _lost_sign_shows(_: Evidence, motion: Motion) -> bool:
-    """Whether braking could show a lost sign: not where force falls with the deceleration.
-
-    Heavy friction slows a machine that is still driven; its force then never opposes the motion.
-    """
-    if not motion.braking.any():
-        return False
-    follows = fit_quality.partial_correlation(motion.A, motion.f, motion.braking)
-    return not follows > _FOLLOWS
 
 
 def _driving_share(_: Evidence, motion: Motion) -> float:
@@ -159,7 +144,7 @@ def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
             f"share of the decelerating samples whose {force} opposes the {moves}: 0 means that "
             f"the {force} has lost its sign",
             minimum="opposing_share_min",
-            applies=_lost_sign_shows,
+            applies=lambda _, motion: motion.may_lose_sign,
             remedy="a force with its sign: motor currents often have none",
         ),
         CheckRow(

@@ -11,7 +11,7 @@ from analysis.schema import values
 _CONTRADICTS: Final = 3.0
 _MATTERS: Final = 0.01
 #: A term this many deviations from 0 is there.
-_TERM_IS_THERE: Final = 4.0
+_TERM_IS_THERE: Final = 3.0
 
 
 class Disagreement(NamedTuple):

@@ -64,12 +64,23 @@ def _lag_s(weighing: Weighing) -> float:
 
 
 def _relative_u(evidence: Evidence, _: Motion) -> float:
-    """Of the whole budget, with what the other checks widen it by."""
-    if evidence.weighing is None:
-        return np.nan
-    mass_kg = evidence.weighing.fit.mass_kg
-    u_kg = combined(budget(evidence.weighing, evidence.machine))
-    return u_kg / mass_kg if mass_kg > 0 else np.inf
+    """Of the answer as it is stated, but for the scale, which no log tells."""
+    weighing = evidence.weighing
+    if weighing is None or not weighing.fit.mass_kg > 0:
+        return np.nan if weighing is None else np.inf
+    u_kg = combined(budget(weighing, evidence.machine), "random", "common")
+    return u_kg / weighing.fit.mass_kg if np.isfinite(weighing.fit.u_kg) else np.nan
+
+
+def _beyond_prior(weighing: Weighing) -> float:
+    """The largest constant force or Coulomb friction over the width of its prior."""
+    return max(
+        abs(float(found)) / width
+        for term, found, width in zip(
+            weighing.fit.terms, weighing.fit.fit.theta[2:], weighing.fit.prior_std, strict=True
+        )
+        if term.name in ("const", "direction")
+    )
 
 
 def _friction_t(weighing: Weighing) -> float:
@@ -119,6 +130,15 @@ FIT_CHECKS: Final = (
         maximum="relative_std_max",
         applies=_fitted,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
+    ),
+    CheckRow(
+        "beyond_prior",
+        "mass",
+        _of_fit(_beyond_prior),
+        "constant force or Coulomb friction over its prior: more stands for something else",
+        maximum="beyond_prior_max",
+        applies=_fitted,
+        remedy="settings.priors.const_share, direction_share: what the machine may have",
     ),
     CheckRow(
         "friction_sign",

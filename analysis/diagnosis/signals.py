@@ -95,8 +95,8 @@ def _frozen_s(name: str, channels: Mapping[str, Series]) -> float:
     edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     ends = np.append(edges[1:], x.size) - 1
     long = (t[ends] - t[edges]) > _FROZEN_S * 1e9
-    # a machine that stands has no speed
-    long &= ~(np.char.startswith(name, "speed") & (x[edges] == 0.0))
+    # a machine that stands has no speed, one that coasts no force
+    long &= (x[edges] != 0.0) | (name == "specific_force_x_m_s2")
     total = 0.0
     for begin, end in zip(t[edges[long]], t[ends[long]], strict=True):
         if any(_changes(other, begin, end) for key, other in channels.items() if key != name):

@@ -66,7 +66,7 @@ _PARTS: Final = {
     ),
     "gain": _FitPart(
         "common",
-        "wheels and accelerometer disagree, and the log cannot say which is wrong",
+        "gain of the accelerometer, or wheels that disagree with it: the log cannot say which",
         "the wheel radius by rolling a known distance; IMU level and mounted stiffly",
     ),
     "braking": _FitPart(
@@ -176,7 +176,7 @@ def doubts(weighing: Weighing) -> dict[str, float]:
     if weighing.curvature.shows:
         found["curvature"] = abs(weighing.curvature.kg)
     if weighing.braking_doubted:
-        found["braking"] = abs(weighing.braking_kg)
+        found["braking"] = abs(weighing.braking_kg) / 2.0
     leans_kg = abs(weighing.doubled_kg - weighing.fit.mass_kg)
     if leans_kg > _LEANS * weighing.fit.u_kg:
         found["priors"] = leans_kg

@@ -32,6 +32,8 @@ _LEAST_SPEED_M_S: Final = 0.01
 _MIXED: Final = 1
 #: Likewise where a zero-phase low-pass reached across it.
 _MIXED_FILTERED: Final = 3
+#: Samples beside a gap that are not fitted.
+_CLEAR: Final = 10
 #: Moving both ways needs this share of the samples each way.
 _BOTH_WAYS: Final = 0.1
 
@@ -149,7 +151,9 @@ def equation(
         round(_LOOK_BACK_S * settings.align.rate_hz),
         mixed,
     )
-    group = _runs(np.where(known, group, -1), np.where(known, speed, 0.0), mixed)
+    # a lag moves the force, and its derivative looks to both sides: neither into a gap
+    near_gap = windows_with(~known, _CLEAR) | windows_with(~known[::-1], _CLEAR)[::-1]
+    group = _runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     measured = _column(aligned, "specific_force_x_m_s2", known)
     pitch = _column(aligned, "pitch_rad", known)
     level = None

@@ -46,6 +46,7 @@ class JointFit:
         motion: what was fitted.
         lag_shape_kg: what it would change to take a lag for a low-pass instead of a delay, or the
             other way round, where neither makes up for it; else 0.
+        shifted: whether the force was moved back by the lag.
     """
 
     terms: tuple[Nuisance, ...]
@@ -56,6 +57,7 @@ class JointFit:
     mean_samples: int
     motion: Equation
     lag_shape_kg: float = 0.0
+    shifted: bool = True
 
     @property
     def lag_s(self) -> float:
@@ -80,19 +82,31 @@ class JointFit:
         if wheels is not None:
             if self.motion.by_accelerometer:
                 parts["speed_delay"] = max(float(self.fit.theta[1]), 0.0) * wheels.delay_s[1]
+            # a wrong wheel radius is in the force, and in a speed's derivative once more
+            times = 1.0 if self.motion.by_accelerometer else 2.0
             if wheels.gain_counts:
-                # a wrong wheel radius is in the force, and in a speed's derivative once more
-                times = 1.0 if self.motion.by_accelerometer else 2.0
                 parts["gain"] = times * abs(wheels.gain[0] * self.mass_kg)
+            elif self.corrects_gain:
+                parts["gain"] = wheels.gain_by_prior[1] * abs(self.mass_kg)
         return parts
 
     @property
     def mass_kg(self) -> float:
-        """The mass, what the speed's delay adds to it taken off."""
-        late, wheels = 0.0, self.kinematics
+        """The mass, what the speed's delay and the accelerometer's gain do to it taken off."""
+        late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
             late = wheels.delay_s[0]
-        return float(self.fit.theta[0]) - max(float(self.fit.theta[1]), 0.0) * late
+        if wheels is not None and self.corrects_gain:
+            gain = wheels.gain_by_prior[0]
+        return (float(self.fit.theta[0]) - max(float(self.fit.theta[1]), 0.0) * late) / (1.0 + gain)
+
+    @property
+    def corrects_gain(self) -> bool:
+        """Whether the accelerometer's gain, as far as its prior has it, is taken off the mass."""
+        wheels = self.kinematics
+        if wheels is None or not self.motion.by_accelerometer:
+            return False
+        return wheels.goes_together and not wheels.gain_counts
 
     @property
     def u_kg(self) -> float:
@@ -133,7 +147,7 @@ def again(
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others."""
     task = _Task(found.motion, noise, priors, (*found.terms, *extra), found.kinematics)
-    return task.fitted(found.mean_samples, 1, begin=found)
+    return task.fitted(found.mean_samples, 1, shift=found.shifted, begin=found)
 
 
 @dataclass(frozen=True)
@@ -157,7 +171,7 @@ class _Task:
         lag = [term.name for term in self.terms].index("lag")
         means = np.zeros(len(self.terms))
         std = means
-        lag_s = begin.lag_s if begin else 0.0
+        lag_s = begin.lag_s if begin and shift else 0.0
         fitted = begin.fit if begin else None
         for _ in range(rounds):
             mean, std = self._priors(fitted)
@@ -182,7 +196,9 @@ class _Task:
         if shift:
             theta[2 + lag] = lag_s
         fit = replace(fitted, theta=theta)
-        return JointFit(self.terms, means, std, fit, self.wheels, samples, self.motion)
+        return JointFit(
+            self.terms, means, std, fit, self.wheels, samples, self.motion, shifted=shift
+        )
 
     def _priors(self, fitted: PriorFit | None) -> tuple[Floats, Floats]:
         """Means and widths; those of slip once friction is known: it costs friction · slip."""

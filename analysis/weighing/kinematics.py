@@ -37,6 +37,7 @@ class Kinematics:
 
     Attributes:
         gain: how much the wheels' speed changes beyond what the accelerometer says, as a share.
+        gain_by_prior: the same with its prior, by which the mass is corrected unless it counts.
         delay_s: how late the speed is.
         slip_1_N: 1 / C, what share of its speed a newton makes the wheels slip.
         gain_counts: whether the gain is more than its prior and the log's noise allow.
@@ -44,6 +45,7 @@ class Kinematics:
     """
 
     gain: tuple[float, float]
+    gain_by_prior: tuple[float, float]
     delay_s: tuple[float, float]
     slip_1_N: tuple[float, float]
     gain_counts: bool
@@ -110,6 +112,7 @@ def _compared(
     values = list(zip(found.theta.tolist(), found.std.tolist(), strict=True))
     return Kinematics(
         gain=(float(wide.theta[0]), float(wide.std[0])),
+        gain_by_prior=values[0],
         slip_1_N=values[1],
         delay_s=values[2],
         gain_counts=counts,

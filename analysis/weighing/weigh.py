@@ -134,9 +134,7 @@ def weigh(
             # driving that its own model does not fit is no witness against braking
             if not curvature(alone, columns, priors).shows:
                 braking_kg = fit.mass_kg - alone.mass_kg
-                # nested fits differ by what the smaller one lacks (Hausman)
-                nested_kg = float(np.sqrt(max(alone.u_kg**2 - fit.u_kg**2, 0.0)))
-                allowed = _DISAGREES * max(nested_kg, fit.u_kg)
+                allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
                 fit = alone if left_out else fit
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg

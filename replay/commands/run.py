@@ -85,6 +85,10 @@ def print_answer(answer: "Answer") -> None:
     if verdict.can_weigh:
         _print_worth(screen, answer)
     if verdict.can_weigh or verdict.tells_inertia:
+        print_line(
+            screen,
+            "by method (joint: the answer; the others' ± is statistical only; –: withheld)",
+        )
         for row in answer.rows:
             print_table(screen, _masses(row, verdict))
     for line in (
@@ -116,7 +120,7 @@ def _print_verdict(screen: "Console", answer: "Answer") -> None:
         screen.print("This log cannot weigh, so the mass is withheld. Failed:")
     print_table(screen, _checks(verdict.checks if verdict.can_weigh else failed))
     for check in failed:
-        if check.remedy:
+        if check.remedy and check.value is not None:
             print_line(screen, f"{check.check}: {check.remedy}")
     if verdict.judges_spins and not verdict.tells_inertia:
         screen.print(
@@ -125,7 +129,7 @@ def _print_verdict(screen: "Console", answer: "Answer") -> None:
 
 
 _CONSEQUENCES = {
-    "widen": "widened",
+    "widen": "taken into account",
     "method": "methods not shown",
     "tell": "note",
 }
@@ -167,8 +171,6 @@ def _masses(row: "AnswerRow", verdict: "Verdict") -> "Table":
     }
     shown = {title: names for title, names in columns.items() if names[0] in row.quantities}
     table = plain_table("method", *shown)
-    table.title = "joint: the answer; the others are the paper's, their ± is statistical only"
-    table.title_justify = "left"
     for method in row.methods:
         table.add_row(method, *(_number(row, method, *names) for names in shown.values()))
     return table
