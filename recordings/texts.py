@@ -18,6 +18,8 @@ from recordings.wording import number, outcome, plus_minus, table
 from recordings.worth_text import budget_rows, load_lines
 
 _NS: Final = 10**9
+#: The viewer's font has no block, and the viewer ends where a glyph is missing.
+_MARK: Final = "="
 _MASS: Final = ("mass_kg", "mass_std_kg")
 _INERTIA: Final = ("inertia_z_kg_m2", "inertia_z_std_kg_m2")
 #: Columns of the table of masses: heading, value, standard deviation. A payload's is that of its
@@ -232,7 +234,7 @@ def _worth(said: Answer) -> list[str]:
         return []
     parts = ["\n".join(f"- {line}" for load in said.loads for line in load_lines(load))]
     heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
-    parts += ["## Where the uncertainty comes from", table(heads, budget_rows(said))]
+    parts += ["## Where the uncertainty comes from", table(heads, budget_rows(said, _MARK))]
     columns = ("term", "prior_std", "posterior", "posterior_std", "unit", "u_kg", "meaning")
     rows = [tuple(row[name] for name in columns) for row in said.nuisances]
     heads = ("term", "prior ±", "posterior", "±", "unit", "u of the mass (kg)", "what it is")

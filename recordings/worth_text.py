@@ -41,7 +41,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def budget_rows(said: Answer) -> list[tuple[str, str, str, str, str]]:
+def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, str, str]]:
     """Source, kind, u in kg, a bar of its share of the variance, and what would shrink it."""
     rows: list[tuple[str, str, str, str, str]] = []
     for source in said.budget:
@@ -49,7 +49,7 @@ def budget_rows(said: Answer) -> list[tuple[str, str, str, str, str]]:
         if source["u_kg"] is None:
             rows.append((source["cause"], source["kind"], "not known", "", source["shrinks"]))
         elif share is not None and share >= _SMALL:
-            bar = "█" * max(1, round(share * _BAR))
+            bar = mark * max(1, round(share * _BAR))
             cells = (f"{bar} {share:.0%}", source["shrinks"])
             rows.append((source["cause"], source["kind"], f"{source['u_kg']:.3g}", *cells))
     return rows

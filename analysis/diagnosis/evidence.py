@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -17,10 +17,6 @@ from analysis.weighing.weigh import Weighing
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-
-#: A force that correlates so well with the deceleration has its sign.
-_FOLLOWS: Final = 0.8
 
 
 class UngatedFit(NamedTuple):
@@ -55,17 +51,6 @@ class Motion:
     def fit(self) -> UngatedFit:
         """The fit of the axis' model to all that moves."""
         return UngatedFit(*fit_quality.ungated_fit(self.A, self.f, self.moving))
-
-    @cached_property
-    def may_lose_sign(self) -> bool:
-        """Whether braking could show a lost sign: not where force falls with the deceleration.
-
-        Heavy friction slows a machine that is still driven; its force then never opposes the
-        motion.
-        """
-        if not self.braking.any():
-            return False
-        return not fit_quality.partial_correlation(self.A, self.f, self.braking) > _FOLLOWS
 
     @property
     def speed(self) -> Floats:

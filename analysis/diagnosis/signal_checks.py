@@ -42,7 +42,7 @@ SIGNAL_CHECKS: Final = (
         minimum="opposing_share_min",
         applies=lambda evidence, motion: (
             _has_signals(evidence, motion)
-            and motion.may_lose_sign
+            and bool(motion.braking.any())
             and bool(np.isfinite(_raw_opposing_share(evidence, motion)))
         ),
         remedy="a force with its sign: motor currents often have none",
