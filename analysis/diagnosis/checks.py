@@ -144,7 +144,7 @@ def _of_model(about: About, words: _Words) -> tuple[CheckRow, ...]:
             f"share of the decelerating samples whose {force} opposes the {moves}: 0 means that "
             f"the {force} has lost its sign",
             minimum="opposing_share_min",
-            applies=lambda _, motion: motion.may_lose_sign,
+            applies=lambda _, motion: motion.may_lose_sign(),
             remedy="a force with its sign: motor currents often have none",
         ),
         CheckRow(

@@ -56,16 +56,20 @@ class Motion:
         """The fit of the axis' model to all that moves."""
         return UngatedFit(*fit_quality.ungated_fit(self.A, self.f, self.moving))
 
-    @cached_property
-    def may_lose_sign(self) -> bool:
+    def may_lose_sign(self, force: Floats | None = None) -> bool:
         """Whether braking could show a lost sign: not where force falls with the deceleration.
 
         Heavy friction slows a machine that is still driven; its force then never opposes the
         motion.
+
+        Args:
+            force: (n,) in place of that of the axis.
         """
-        if not self.braking.any():
+        f = self.f if force is None else force
+        known = self.braking & np.isfinite(f)
+        if not known.any():
             return False
-        return not fit_quality.partial_correlation(self.A, self.f, self.braking) > _FOLLOWS
+        return not fit_quality.partial_correlation(self.A, f, known) > _FOLLOWS
 
     @property
     def speed(self) -> Floats:

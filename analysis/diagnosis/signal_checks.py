@@ -5,20 +5,29 @@ from typing import Final
 import numpy as np
 
 from analysis import fit_quality
-from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.diagnosis.evidence import Evidence, Floats, Motion
 from analysis.diagnosis.row import CheckRow
 from analysis.mounting_guess import gravity_tilt_deg
 
 
 def _raw_opposing_share(evidence: Evidence, motion: Motion) -> float:
     """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
-    if evidence.signals is None:
-        return np.nan
-    unix_ns = evidence.excitation["t_ns"].to_numpy() + evidence.t0_unix_ns
-    force = evidence.signals.force_on(unix_ns)
+    force = _raw_force(evidence)
     if force is None:
         return np.nan
     return 1.0 - fit_quality.along_share(motion.speed, force, motion.braking)
+
+
+def _raw_force(evidence: Evidence) -> Floats | None:
+    """The unfiltered force on the grid, (n,)."""
+    if evidence.signals is None:
+        return None
+    return evidence.signals.force_on(evidence.excitation["t_ns"].to_numpy() + evidence.t0_unix_ns)
+
+
+def _raw_sign_shows(evidence: Evidence, motion: Motion) -> bool:
+    force = _raw_force(evidence)
+    return force is not None and motion.may_lose_sign(force)
 
 
 def _has_signals(evidence: Evidence, _: Motion) -> bool:
@@ -40,11 +49,7 @@ SIGNAL_CHECKS: Final = (
         _raw_opposing_share,
         "share of the decelerating samples whose force, before any filter, opposes the motion",
         minimum="opposing_share_min",
-        applies=lambda evidence, motion: (
-            _has_signals(evidence, motion)
-            and motion.may_lose_sign
-            and bool(np.isfinite(_raw_opposing_share(evidence, motion)))
-        ),
+        applies=_raw_sign_shows,
         remedy="a force with its sign: motor currents often have none",
     ),
     CheckRow(
