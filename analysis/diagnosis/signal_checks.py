@@ -5,20 +5,24 @@ from typing import Final
 import numpy as np
 
 from analysis import fit_quality
-from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.diagnosis.evidence import Evidence, Floats, Motion
 from analysis.diagnosis.row import CheckRow
 from analysis.mounting_guess import gravity_tilt_deg
 
 
 def _raw_opposing_share(evidence: Evidence, motion: Motion) -> float:
     """As `opposing_share`, of the unfiltered force: a low-pass undershoots below 0."""
-    if evidence.signals is None:
-        return np.nan
-    unix_ns = evidence.excitation["t_ns"].to_numpy() + evidence.t0_unix_ns
-    force = evidence.signals.force_on(unix_ns)
+    force = _raw_force(evidence)
     if force is None:
         return np.nan
     return 1.0 - fit_quality.along_share(motion.speed, force, motion.braking)
+
+
+def _raw_force(evidence: Evidence) -> Floats | None:
+    """The unfiltered force on the grid, (n,)."""
+    if evidence.signals is None:
+        return None
+    return evidence.signals.force_on(evidence.excitation["t_ns"].to_numpy() + evidence.t0_unix_ns)
 
 
 def _has_signals(evidence: Evidence, _: Motion) -> bool:

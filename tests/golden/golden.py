@@ -40,7 +40,7 @@ RTOL: Final = 1e-9
 MARGIN_NAT: Final = 1e-6
 #: Of frames with a row a sample, every so many milliseconds are kept.
 _EVERY_NS: Final = {"gate": 100_000_000, "estimates": 250_000_000}
-_WHOLE: Final = ("segments", "planar", "masses", "verdict")
+_WHOLE: Final = ("segments", "planar", "loads", "masses", "verdict")
 _LIBRARIES: Final = ("python", "numpy", "scipy", "numba", "polars")
 
 

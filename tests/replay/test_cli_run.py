@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from rich.console import Console
 
 from analysis.answer import Answer, AnswerRow
 from analysis.check import Verdict
 from recordings import read_recording
+from replay.commands import printing
 from replay.commands.run import print_answer
 from replay.replay_logs import STEPS
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
@@ -42,6 +44,67 @@ class TestRun:
         assert answer["payload_kg"]["pooled"] == pytest.approx(20.0, abs=2.5)
         assert answer["verdict"]["can_weigh"] is True
         assert 0 < answer["accepted_share"] <= 1
+
+    def test_json_has_the_answer_with_what_it_is_worth(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        told = ["--set", "machine.force_gain_u=0.01"]
+        answer = json.loads(payscope("run", log, "-m", machine_file, "--json", *told).out)
+        (load,) = answer["loads"]
+        assert abs(load["mass_kg"] - 120.0) < 3.0 * load["u_kg"]
+        assert answer["mass_kg"]["joint"] == load["mass_kg"]
+        assert answer["mass_std_kg"]["joint"] == load["u_kg"]
+        assert load["scale_unknown"] == ""
+        assert [row["term"] for row in answer["nuisances"]][:2] == ["const", "lag"]
+        assert all(row["prior_std"] > 0.0 for row in answer["nuisances"])
+        (gain,) = (row for row in answer["budget"] if row["cause"] == "force_gain")
+        assert gain["u_kg"] == pytest.approx(0.01 * load["mass_kg"])
+        assert sum(row["share_1"] for row in answer["budget"]) == pytest.approx(1.0)
+        assert {check["consequence"] for check in answer["verdict"]["checks"]} == {
+            "withhold",
+            "widen",
+            "method",
+            "tell",
+        }
+
+    def test_the_mass_comes_first_with_its_budget_and_the_methods_below(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        lines = payscope("run", log, "-m", machine_file).out.splitlines()
+        assert re.fullmatch(r"mass 1\d\d\S* ± \S+ kg \(standard uncertainty\), 95 %: .*", lines[0])
+        begins = [line.split("  ")[0] for line in lines]
+        assert begins.index("uncertainty from") < begins.index("method") < begins.index("check")
+        assert any(line.startswith("scale not known: ") for line in lines)
+
+    @pytest.mark.parametrize("width", [80, 100, 160])
+    def test_no_row_of_a_table_is_wider_than_the_screen(
+        self,
+        payscope: Payscope,
+        log: Path,
+        machine_file: Path,
+        width: int,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        screen = Console(highlight=False, width=width, force_terminal=False)
+        monkeypatch.setattr(printing, "console", lambda: screen)
+        said = payscope("run", log, "-m", machine_file)
+        sentences = ("scale not known: ", "most of it is ", "mass ", "by method ", "fingerprint: ")
+        rows = [line for line in said.out.splitlines() if not line.startswith(sentences)]
+        assert len(rows) > 40
+        assert max(len(line) for line in rows) <= width
+
+    def test_a_force_that_is_too_late_withholds_the_mass_says_how_to_mend_it_and_exits_1(
+        self, payscope: Payscope, machine_file: Path, tmp_path: Path
+    ) -> None:
+        late = tmp_path / "late.csv"
+        sledge().with_columns(pl.col("force_N").shift(12, fill_value=0.0)).write_csv(late)
+        said = payscope("run", late, "-m", machine_file)
+        assert said.status == 1
+        assert "This log cannot weigh" in said.out
+        assert "lag: channels.force_x_N.delay_s" in said.out
+        assert not said.out.startswith("mass")
+        mended = ["--set", "channels.force_x_N.delay_s=0.12"]
+        assert payscope("run", late, "-m", machine_file, *mended).status == 0
 
     def test_several_logs_are_one_time_line(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path

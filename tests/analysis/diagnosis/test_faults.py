@@ -82,6 +82,7 @@ FAULTS = {
         changed=torques(pl.Expr.abs),
     ),
     "force_sign": lambda: weighed({}, changed=torques(pl.Expr.neg)),
+    "beyond_prior": lambda: weighed({"sensors": {"force_bias_N": 3000.0}}),
     "friction_sign": lambda: weighed({}, changed=backwards),
     "lag": lambda: situation("force late 150 ms"),
     "lag_v": lambda: situation("IMU low-passed 200 ms"),
