@@ -111,7 +111,7 @@ def _low_passed(
         notes.append("nor to any other channel: a causal filter on some of them delays those")
         return dict(read)
     out = dict(read)
-    for name in rates_hz.keys() - slow.keys():
+    for name in (each for each in rates_hz if each not in slow):
         t, x = read[name]
         longest_ns = filters.longest_step_ns(t, settings.align)
         out[name] = _filled(name, *filters.low_pass(t, x, cutoff_hz, longest_ns, causal=causal))
