@@ -21,9 +21,9 @@ _HIGHEST_CUTOFF = 0.45
 
 
 def derive(
-    placed: Mapping[str, pl.DataFrame], machine: Machine
-) -> tuple[dict[str, pl.DataFrame], list[Loss], list[str]]:
-    """Make every channel of the machine file from the placed topics.
+    read: Mapping[str, mounting.Series], machine: Machine
+) -> tuple[dict[str, pl.DataFrame], list[str]]:
+    """Make every channel of the machine file from those that were measured.
 
     Where any channel is differentiated, one zero-phase low-pass (causal by setting) is applied to
     every force and motion channel alike, at its own rate, before any derivative is taken: a filter
@@ -31,16 +31,15 @@ def derive(
     the filter and before any derivative.
 
     Args:
-        placed: by topic: unix_ns and fields; the topic of a hint may be missing.
+        read: by channel, as `measured` gives them.
         machine: channels and settings.
 
     Returns:
         By channel, and `direction_x_1`: unix_ns and the channel's column; with `filter.causal`
-        known_ns as well, when that is known on board. What was not finite. And notes.
+        known_ns as well, when that is known on board. And notes.
     """
     settings = machine.settings
     notes: list[str] = []
-    read, losses = measured(placed, machine)
     filtering = any(channel.derivative_of for channel in machine.channels.values())
     picked = _low_passed(read, settings, notes) if filtering else dict(read)
 
@@ -65,7 +64,7 @@ def derive(
     if settings.filter.causal:
         for name, known_ns in _known(read, picked, series, machine).items():
             frames[name] = frames[name].with_columns(known_ns=known_ns)
-    return frames, losses, notes
+    return frames, notes
 
 
 def measured(

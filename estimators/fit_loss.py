@@ -150,6 +150,18 @@ def group_ids(group: Ints) -> Ints:
     return used[np.append(True, steps > 0)] if used.size else used
 
 
+def group_rows(group: Ints) -> list[Ints]:
+    """List the samples of each group, in the order of `group_ids`.
+
+    Args:
+        group: (n,) the group of each sample, negative for none.
+    """
+    used = np.flatnonzero(group >= 0)
+    order = used[np.argsort(group[used], kind="stable")]
+    ends = np.flatnonzero(np.diff(group[order])) + 1
+    return list(np.split(order, ends)) if used.size else []
+
+
 def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:
     """How much of each autocovariance the residuals have lost at each lag, (lags, lags).
 

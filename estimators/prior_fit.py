@@ -14,7 +14,7 @@ import numpy as np
 from estimators.autocorrelation import pooled_autocorrelation, student_factor
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.fit_loss import group_ids
+from estimators.fit_loss import group_rows
 from estimators.sandwich import meat
 
 #: The share of the correction for the columns' noise that is uncertain.
@@ -228,7 +228,7 @@ class _Sums:
     def of(
         cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
     ) -> "_Sums":
-        rows = [np.flatnonzero(group == each) for each in group_ids(group)]
+        rows = group_rows(group)
         grams = np.stack([A[part].T @ A[part] for part in rows])
         crosses = np.stack([A[part].T @ f[part] for part in rows])
         if noise is None:

@@ -7,7 +7,7 @@ from analysis.align import align
 from analysis.align import notes as grid_notes
 from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
-from analysis.derive import derive
+from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
 from analysis.forces import forces
 from analysis.gate import gate
@@ -54,7 +54,8 @@ def run(
     raw, losses = read_channels(logs, machine)
     on_stage("derive")  # SI units; one filter on all of them where one is differentiated
     placed, stamps, doubts = place(raw)
-    channels, missing, notes = derive(placed, machine)
+    read, missing = measured(placed, machine)
+    channels, notes = derive(read, machine)
     on_stage("align")  # one grid, on the line between two samples, never over a gap
     aligned, t0_unix_ns = align(channels, machine)
     notes += grid_notes(channels, machine)
@@ -79,7 +80,7 @@ def run(
         gated,
         machine,
         weighing,
-        signals(raw, placed, machine),
+        signals(raw, read),
         everything,
         t0_unix_ns,
     )

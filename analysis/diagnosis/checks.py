@@ -50,7 +50,9 @@ def verdict(evidence: Evidence) -> pl.DataFrame:
         pl.col("value") <= pl.col("maximum").fill_null(np.inf)
     )
     applies = pl.Series([row.applies(evidence, motion) for row, motion in judged], dtype=pl.Boolean)
-    passed = pl.when(applies).then(inside.fill_null(False))
+    optional = pl.Series([row.optional for row, _ in judged], dtype=pl.Boolean)
+    told = frame["value"].is_finite().fill_null(value=False)
+    passed = pl.when(applies & (told | ~optional)).then(inside.fill_null(False))
     return build("verdict", frame.with_columns(passed=passed).to_dict())
 
 

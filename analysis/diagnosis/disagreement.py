@@ -33,9 +33,8 @@ def disagreements(evidence: Evidence) -> list[Disagreement]:
     if weighing is None or totals is None:
         return []
     fit = weighing.fit
-    found = np.abs(fit.fit.theta[2:]) / fit.fit.std[2:]
-    lacks = np.array([term.name not in _modelled(evidence) for term in fit.terms])
-    shows = bool((found[lacks] > _TERM_IS_THERE).any())
+    modelled = _modelled(evidence)
+    shows = any(t > _TERM_IS_THERE for term, t in fit.terms_t.items() if term not in modelled)
     shows = shows or bool(fit.fit.scatter.any() or fit.fit.misfit.any())
     out: list[Disagreement] = []
     columns = (totals["method"].to_list(), values(totals, "mass_kg"), values(totals, "mass_std_kg"))

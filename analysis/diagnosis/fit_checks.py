@@ -37,32 +37,6 @@ def _has_wheels(evidence: Evidence, _: Motion) -> bool:
     return evidence.weighing is not None and evidence.weighing.fit.kinematics is not None
 
 
-def _term(name: str) -> Callable[[Weighing], float]:
-    """How many deviations of what the log tells a term is from 0."""
-
-    def of(weighing: Weighing) -> float:
-        names = [term.name for term in weighing.fit.terms]
-        if name not in names:
-            return np.nan
-        at = 2 + names.index(name)
-        return float(abs(weighing.fit.fit.theta[at]) / weighing.fit.fit.std[at])
-
-    return of
-
-
-def _has_term(name: str) -> Callable[[Evidence, Motion], bool]:
-    def of(evidence: Evidence, _: Motion) -> bool:
-        weighing = evidence.weighing
-        return weighing is not None and name in [term.name for term in weighing.fit.terms]
-
-    return of
-
-
-def _lag_s(weighing: Weighing) -> float:
-    names = [term.name for term in weighing.fit.terms]
-    return abs(float(weighing.fit.fit.theta[2 + names.index("lag")]))
-
-
 def _relative_u(evidence: Evidence, _: Motion) -> float:
     """Of the answer as it is stated, but for the scale, which no log tells."""
     weighing = evidence.weighing
@@ -112,10 +86,12 @@ def _told(name: str, meaning: str) -> CheckRow:
     return CheckRow(
         name,
         "mass",
-        _of_fit(_term(name)),
+        _of_fit(lambda weighing: weighing.fit.terms_t.get(name, np.nan)),
         meaning,
         maximum="term_t_max",
-        applies=_has_term(name),
+        applies=lambda evidence, _: (
+            evidence.weighing is not None and name in evidence.weighing.fit.terms_t
+        ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",
     )
@@ -161,7 +137,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "lag",
         "mass",
-        _of_fit(_lag_s),
+        _of_fit(lambda weighing: abs(weighing.fit.lag_s)),
         "seconds that the force is late or early: more is beyond its prior",
         maximum="lag_max_s",
         applies=_fitted,
@@ -234,9 +210,7 @@ FIT_CHECKS: Final = (
         _of_fit(_braking),
         "by how much braking would move the mass, as a share: the force may not see all brakes",
         maximum="braking_max",
-        applies=lambda evidence, _: (
-            evidence.weighing is not None and bool(np.isfinite(evidence.weighing.braking_kg))
-        ),
+        optional=True,
         consequence="widen",
         remedy="settings.gate.exclude_braking = true",
     ),
@@ -256,7 +230,7 @@ FIT_CHECKS: Final = (
         _gated,
         "deviations between the pooled masses of accepted samples and of everything that moved",
         maximum="gated_max",
-        applies=lambda evidence, motion: bool(np.isfinite(_gated(evidence, motion))),
+        optional=True,
         consequence="tell",
         remedy="the model holds in a part of the motion only: see the gate's reasons",
     ),

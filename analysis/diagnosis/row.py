@@ -22,6 +22,7 @@ class CheckRow:
         minimum: the setting of `[settings.verdict]` that it must reach, if any.
         maximum: the one that it must not exceed.
         applies: whether this log has what it looks at.
+        optional: whether it does not apply where it has no number.
         meaning: what the number says, in a sentence.
         consequence: of failing.
         remedy: the setting or change that would mend it.
@@ -34,5 +35,6 @@ class CheckRow:
     minimum: str | None = None
     maximum: str | None = None
     applies: Callable[[Evidence, Motion], bool] = _always
+    optional: bool = False
     consequence: Consequence = "withhold"
     remedy: str = ""

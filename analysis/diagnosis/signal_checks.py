@@ -44,11 +44,7 @@ SIGNAL_CHECKS: Final = (
         _raw_opposing_share,
         "share of the decelerating samples whose force, before any filter, opposes the motion",
         minimum="opposing_share_min",
-        applies=lambda evidence, motion: (
-            _has_signals(evidence, motion)
-            and bool(motion.braking.any())
-            and bool(np.isfinite(_raw_opposing_share(evidence, motion)))
-        ),
+        optional=True,
         remedy="a force with its sign: motor currents often have none",
     ),
     CheckRow(
@@ -84,10 +80,10 @@ SIGNAL_CHECKS: Final = (
         _tilt,
         "degrees from gravity at standstill to the machine's upward axis",
         maximum="imu_tilt_max_deg",
-        applies=lambda evidence, motion: (
+        applies=lambda evidence, _: (
             evidence.machine.settings.forces.acceleration == "specific_force"
-            and bool(np.isfinite(_tilt(evidence, motion)))
         ),
+        optional=True,
         remedy="machine.imu: payscope init proposes roll, pitch and yaw",
     ),
 )

@@ -9,8 +9,6 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.clocks import RelativeDrift, clock_drifts, relative_drift
-from analysis.derive import measured
-from analysis.machine import Machine
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -70,17 +68,13 @@ class Signals:
         return np.sum([_at(*self.channels[name], unix_ns) for name in names], axis=0)
 
 
-def signals(
-    raw: Mapping[str, pl.DataFrame], placed: Mapping[str, pl.DataFrame], machine: Machine
-) -> Signals:
+def signals(raw: Mapping[str, pl.DataFrame], channels: Mapping[str, Series]) -> Signals:
     """Take the raw channels of a log.
 
     Args:
         raw: by topic, with log times and header stamps.
-        placed: by topic, with the stamps that place it.
-        machine: channels.
+        channels: as `analysis.derive.measured` gives them.
     """
-    channels, _ = measured(placed, machine)
     span_ns = max((int(t[-1] - t[0]) for t, _ in channels.values()), default=0)
     return Signals(channels, relative_drift(clock_drifts(raw)), span_ns / 1e9)
 
@@ -98,21 +92,26 @@ def _frozen_s(name: str, channels: Mapping[str, Series]) -> float:
     # a machine that stands has no speed, one that coasts no force
     long &= (x[edges] != 0.0) | (name == "specific_force_x_m_s2")
     total = 0.0
+    if not long.any():
+        return total
+    others = [
+        (*series, _CHANGES * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
+        for key, series in channels.items()
+        if key != name
+    ]
     for begin, end in zip(t[edges[long]], t[ends[long]], strict=True):
-        if any(_changes(other, begin, end) for key, other in channels.items() if key != name):
+        if any(_changes(*other, begin, end) for other in others):
             total += float(end - begin) / 1e9
     return total
 
 
-def _changes(series: Series, begin_ns: int, end_ns: int) -> bool:
-    """Whether a channel changes from one half of a stretch to the other."""
-    t, x = series
-    part = x[(t >= begin_ns) & (t <= end_ns)]
+def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
+    """Whether a channel changes by more than `least` from one half of a stretch to the other."""
+    part = x[np.searchsorted(t, begin_ns) : np.searchsorted(t, end_ns, side="right")]
     if part.size < 4:
         return False
     half = part.size // 2
-    width = float(np.quantile(x, 0.98) - np.quantile(x, 0.02))
-    return abs(float(part[:half].mean() - part[half:].mean())) > _CHANGES * width > 0.0
+    return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
 
 
 def _clipped(x: Floats) -> float:

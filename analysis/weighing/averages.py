@@ -5,7 +5,14 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.equation import Bools, Equation, Floats, Ints, NoiseOfColumns
+from analysis.weighing.equation import (
+    Bools,
+    Equation,
+    Floats,
+    Ints,
+    NoiseOfColumns,
+    begins,
+)
 from analysis.weighing.nuisances import Moments, Nuisance
 from estimators import prior_fit
 from estimators.group_mean import trailing_group_mean
@@ -79,13 +86,15 @@ def averages(
         [mean(raw.acceleration), mean(raw.speed), *(mean(term.column(raw)) for term in terms)]
     )
     f = mean(force)
-    weight = _weights(A[:, :2], f, noise, count)
+    lengths, which = np.unique(count, return_inverse=True)
+    covariances = np.stack([noise.covariance(int(length)) for length in lengths])
+    weight = _weights(A[:, :2], f, covariances, which)
     return Averages(
         A * weight[:, None],
         f * weight,
         motion.group[kept],
         motion.direction[kept],
-        _noise_moments(terms, raw, motion, noise, count, weight, kept),
+        _noise_moments(terms, raw, motion.group, covariances, which, weight, kept),
         max(_SHORTEST // stride, 6),
     )
 
@@ -93,18 +102,16 @@ def averages(
 def _thinned(motion: Equation, stride: int) -> Bools:
     """Every so many-th sample of each stretch."""
     used = motion.used
-    begins = used & (np.append(-1, motion.group[:-1]) != motion.group)
     row = np.arange(used.size)
-    since = row - np.maximum.accumulate(np.where(begins, row, 0))
+    since = row - np.maximum.accumulate(np.where(begins(motion.group), row, 0))
     return used & (since % stride == stride - 1)
 
 
-def _weights(A: Floats, force: Floats, noise: NoiseOfColumns, count: Ints) -> Floats:
+def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
     """Square roots of the rows' weights: the first means of a start are of few samples."""
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
-    kinds, which = np.unique(count, return_inverse=True)
-    variances = np.array([gradient @ noise.covariance(int(k)) @ gradient for k in kinds])
+    variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
     return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
 
 
@@ -121,16 +128,16 @@ def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
 def _noise_moments(
     terms: tuple[Nuisance, ...],
     raw: Moments,
-    motion: Equation,
-    noise: NoiseOfColumns,
-    count: Ints,
+    group: Ints,
+    covariances: Floats,
+    which: Ints,
     weight: Floats,
     kept: Bools,
 ) -> NoiseMoments:
     """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch."""
-    ids, index = np.unique(motion.group[kept], return_inverse=True)
+    ids, index = np.unique(group[kept], return_inverse=True)
     # derivatives of the columns by acceleration, speed and force
-    slopes = np.zeros((count.size, 2 + len(terms), 3))
+    slopes = np.zeros((which.size, 2 + len(terms), 3))
     slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
     for j, term in enumerate(terms, start=2):
         if term.by_speed is not None:
@@ -138,7 +145,5 @@ def _noise_moments(
         if term.by_force is not None:
             slopes[:, j, 2] = term.by_force(raw)[kept]
     slopes *= weight[:, None, None]
-    kinds, which = np.unique(count, return_inverse=True)
-    covariances = np.stack([noise.covariance(int(samples)) for samples in kinds])
     moments = prior_fit.noise_moments(slopes, covariances, which, index, ids.size)
     return NoiseMoments(*moments)

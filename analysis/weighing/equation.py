@@ -174,6 +174,11 @@ def equation(
     )
 
 
+def begins(group: Ints) -> Bools:
+    """Which samples are the first of their stretch, (n,)."""
+    return (group >= 0) & (np.append(-1, group[:-1]) != group)
+
+
 def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:
     """The empty machine's weight in N, or what force over acceleration says it is about."""
     body = machine.machine
@@ -214,8 +219,7 @@ def _from_break_away(
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
     smooth = np.abs(np.convolve(speed, np.ones(3) / 3.0, "same")) > moves_m_s
     grown = group.copy()
-    begins = np.flatnonzero((group >= 0) & (np.append(-1, group[:-1]) != group))
-    for begin in begins:
+    for begin in np.flatnonzero(begins(group)):
         first = int(begin)
         while (
             first > 0 and begin - first < look_back and smooth[first - 1] and group[first - 1] < 0
@@ -234,8 +238,7 @@ def _runs(group: Ints, speed: Floats, mixed: int) -> Ints:
     turns = np.append(False, (forwards[1:] != forwards[:-1]) & used[1:] & used[:-1])
     near = windows_with(turns, mixed) | windows_with(turns[::-1], mixed + 1)[::-1]
     group = np.where(used & ~near, 2 * group + forwards, -1)
-    begins = (group >= 0) & (np.append(-1, group[:-1]) != group)
-    return np.where(group >= 0, np.cumsum(begins) - 1, -1).astype(np.int64)
+    return np.where(group >= 0, np.cumsum(begins(group)) - 1, -1).astype(np.int64)
 
 
 def _directions(group: Ints, speed: Floats) -> Floats:

@@ -38,8 +38,7 @@ class JointFit:
 
     Attributes:
         terms: the nuisances, in the order of the parameters behind mass and friction.
-        prior_mean: (terms,) and
-        prior_std: (terms,) of the priors that were used.
+        prior_std: (terms,) widths of the priors that were used.
         fit: estimates and parts; mass first, friction second. The lag is the whole lag.
         kinematics: what the wheels say of the accelerometer, where there is one.
         mean_samples: length of the mean.
@@ -50,7 +49,6 @@ class JointFit:
     """
 
     terms: tuple[Nuisance, ...]
-    prior_mean: Floats
     prior_std: Floats
     fit: PriorFit
     kinematics: Kinematics | None
@@ -62,7 +60,13 @@ class JointFit:
     @property
     def lag_s(self) -> float:
         """How late the force is."""
-        return float(self.fit.theta[2 + [term.name for term in self.terms].index("lag")])
+        return float(self.fit.theta[2 + _place("lag", self.terms)])
+
+    @property
+    def terms_t(self) -> dict[str, float]:
+        """By term, how many deviations of what the log tells it is from 0."""
+        found = np.abs(self.fit.theta[2:]) / self.fit.std[2:]
+        return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
     def parts_kg(self) -> dict[str, float]:
@@ -117,7 +121,8 @@ class JointFit:
 def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     wheels = kinematics(motion, noise, priors)
-    whole = _Task(motion, noise, priors, terms_of(motion), wheels)
+    terms = tuple(term for term in NUISANCES if term.applies(motion))
+    whole = _Task(motion, noise, priors, terms, wheels)
     part = replace(whole, motion=motion.beginning(_TRIED))
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
@@ -137,9 +142,8 @@ def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) ->
     return replace(chosen, lag_shape_kg=chosen.mass_kg - other.mass_kg)
 
 
-def terms_of(motion: Equation) -> tuple[Nuisance, ...]:
-    """The nuisances that a log has."""
-    return tuple(term for term in NUISANCES if term.applies(motion))
+def _place(name: str, terms: tuple[Nuisance, ...]) -> int:
+    return [term.name for term in terms].index(name)
 
 
 def again(
@@ -168,9 +172,8 @@ class _Task:
         A force that is late is moved back; one that is low-passed is not, since its derivative
         alone makes up for that (f + τ df/dt).
         """
-        lag = [term.name for term in self.terms].index("lag")
-        means = np.zeros(len(self.terms))
-        std = means
+        lag = _place("lag", self.terms)
+        std = np.zeros(len(self.terms))
         lag_s = begin.lag_s if begin and shift else 0.0
         fitted = begin.fit if begin else None
         for _ in range(rounds):
@@ -196,9 +199,7 @@ class _Task:
         if shift:
             theta[2 + lag] = lag_s
         fit = replace(fitted, theta=theta)
-        return JointFit(
-            self.terms, means, std, fit, self.wheels, samples, self.motion, shifted=shift
-        )
+        return JointFit(self.terms, std, fit, self.wheels, samples, self.motion, shifted=shift)
 
     def _priors(self, fitted: PriorFit | None) -> tuple[Floats, Floats]:
         """Means and widths; those of slip once friction is known: it costs friction · slip."""
@@ -206,7 +207,7 @@ class _Task:
         mean = np.zeros(len(self.terms))
         if fitted is None:
             return mean, std
-        at = [term.name for term in self.terms].index("slip")
+        at = _place("slip", self.terms)
         friction = max(float(fitted.theta[1]), 0.0)
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
         std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)

@@ -14,6 +14,7 @@ import numpy as np
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns
 from estimators import prior_fit
+from estimators.fit_loss import group_rows
 from estimators.prior_fit import NoiseMoments
 
 #: Means of so many samples are compared, and manoeuvres shorter than ten of them are not.
@@ -82,8 +83,10 @@ def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -
 def _pitches(gravity: Floats, motion: Equation) -> tuple[float, float]:
     """By which share of the acceleration the pitch's gravity follows it, and their correlation."""
     assert motion.without_gravity is not None
-    parts = [np.flatnonzero(motion.group == each) for each in np.unique(motion.group[motion.used])]
-    about = [np.column_stack([motion.without_gravity[part], gravity[part]]) for part in parts]
+    about = [
+        np.column_stack([motion.without_gravity[part], gravity[part]])
+        for part in group_rows(motion.group)
+    ]
     both = np.concatenate([part - part.mean(axis=0) for part in about])
     (a_a, a_g), (_, g_g) = both.T @ both
     if not a_a or not g_g:
@@ -135,9 +138,8 @@ def _rows(
     responses: list[Floats] = []
     groups: list[Floats] = []
     grams: list[Floats] = []
-    for each in np.unique(motion.group[motion.used]):
-        part = np.flatnonzero(motion.group == each)
-        if part.size != part[-1] - part[0] + 1 or part.size < 10 * _MEAN:
+    for part in group_rows(motion.group):
+        if part.size < 10 * _MEAN:
             continue
         a, v, f = measured[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s

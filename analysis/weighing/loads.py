@@ -86,7 +86,7 @@ def net_mass_kg(weighing: Weighing, machine: Machine) -> float:
 def nuisances(weighing: Weighing | None) -> pl.DataFrame:
     """Make `nuisances`: a row a term, prior and posterior."""
     if weighing is None:
-        return build("nuisances", _EMPTY["nuisances"])
+        return _empty("nuisances")
     fit = weighing.fit
     return build(
         "nuisances",
@@ -105,7 +105,7 @@ def nuisances(weighing: Weighing | None) -> pl.DataFrame:
 def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     """Make `budget`: a row a source."""
     if weighing is None:
-        return build("budget", _EMPTY["budget"])
+        return _empty("budget")
     sources = budget(weighing, machine)
     total = combined(sources)
     u_kg = np.array([np.nan if source.u_kg is None else source.u_kg for source in sources])
@@ -122,13 +122,6 @@ def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
     )
 
 
-_EMPTY = {
-    "nuisances": {
-        name: pl.Series([], dtype=pl.String if name in ("term", "unit", "meaning") else pl.Float64)
-        for name in ("term", "unit", "prior_std", "posterior", "posterior_std", "u_kg", "meaning")
-    },
-    "budget": {
-        name: pl.Series([], dtype=pl.Float64 if name in ("u_kg", "share_1") else pl.String)
-        for name in ("cause", "kind", "u_kg", "share_1", "meaning", "shrinks")
-    },
-}
+def _empty(name: str) -> pl.DataFrame:
+    """A frame without rows."""
+    return pl.DataFrame(schema={column.name: column.dtype for column in FRAMES[name].columns})

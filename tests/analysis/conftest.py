@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.align import align
-from analysis.derive import derive
+from analysis.derive import derive, measured
 from analysis.forces import forces
 from analysis.machine import Machine
 from analysis.smooth import smooth
@@ -135,7 +135,7 @@ def make_excitation(drive, machine=None):
     """The drive through every stage up to `forces`."""
     machine = machine or make_machine()
     placed, _, _ = place(make_raw(drive))
-    channels, _, _ = derive(placed, machine)
+    channels, _ = derive(measured(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
     return forces(smooth(aligned, machine.settings.smooth), machine)
 

@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.align import align
 from analysis.check import Verdict
-from analysis.derive import derive
+from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, verdict
 from analysis.forces import forces
 from analysis.gate import gate
@@ -62,7 +62,7 @@ def raw(seed=1, noise=1.0, **topics):
 
 def excitation(log, machine):
     """The log through every stage up to `forces`."""
-    channels, _, _ = derive(place(log)[0], machine)
+    channels, _ = derive(measured(place(log)[0], machine)[0], machine)
     aligned, _ = align(channels, machine)
     return forces(smooth(aligned, machine.settings.smooth), machine)
 

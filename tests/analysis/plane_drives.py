@@ -10,7 +10,7 @@ import polars as pl
 from analysis.align import align
 from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
-from analysis.derive import derive
+from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, verdict
 from analysis.forces import forces
 from analysis.gate import gate
@@ -159,7 +159,7 @@ def replayed(said, loader=None):
     """Every stage of what the sensors say, by name."""
     loader = loader or machine()
     settings = loader.settings
-    channels, _, _ = derive({"table": said}, loader)
+    channels, _ = derive(measured({"table": said}, loader)[0], loader)
     aligned, _ = align(channels, loader)
     excitation = forces(smooth(aligned, settings.smooth), loader)
     noise = channel_noise(aligned, excitation, loader)

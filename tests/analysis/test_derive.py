@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 
 from analysis import filters
-from analysis.derive import derive
+from analysis.derive import derive, measured
 from analysis.stamps import place
 from estimators.errors import DataError
 
@@ -14,7 +14,9 @@ T = np.arange(500) * 10 * MS + 1_700_000_000_000_000_000
 
 
 def derived(raw, machine):
-    return derive(place(raw)[0], machine)
+    read, losses = measured(place(raw)[0], machine)
+    frames, notes = derive(read, machine)
+    return frames, losses, notes
 
 
 def loader(raw_topic, **replaced):

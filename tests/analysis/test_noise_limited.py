@@ -6,7 +6,7 @@ import pytest
 
 from analysis.align import align
 from analysis.channel_noise import channel_noise
-from analysis.derive import derive
+from analysis.derive import derive, measured
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.masses import masses
@@ -57,7 +57,7 @@ def weighed(starts, force_of_speed, speed_noise_m_s, known=True, seed=1, index=N
     machine = make_machine(settings, body={"empty_mass_kg": CAR_KG}, **KINEMATIC)
     t = T0_NS + np.arange(v.size) * 10_000_000
     placed, _, _ = place({"/can": topic(t, force=f, speed=v)})
-    channels, _, _ = derive(placed, machine)
+    channels, _ = derive(measured(placed, machine)[0], machine)
     aligned, _ = align(channels, machine)
     excitation = forces(smooth(aligned, machine.settings.smooth), machine)
     noise = channel_noise(aligned, excitation, machine) if known else None
@@ -124,7 +124,7 @@ def test_clean_starts_keep_their_windows(throttle_N):
         machine = make_machine()
         t = T0_NS + np.arange(v.size) * 10_000_000
         placed, _, _ = place({"/can": topic(t, force=f, speed=v), "/imu": topic(t, x=a)})
-        channels, _, _ = derive(placed, machine)
+        channels, _ = derive(measured(placed, machine)[0], machine)
         aligned, _ = align(channels, machine)
         excitation = forces(smooth(aligned, machine.settings.smooth), machine)
         before = gate(excitation, machine.settings)["accepted_x"].to_numpy()

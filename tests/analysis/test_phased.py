@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from analysis.align import notes
-from analysis.derive import derive
+from analysis.derive import derive, measured
 from analysis.stamps import place
 from tests.analysis import phased
 from tests.analysis.conftest import make_machine
@@ -21,7 +21,7 @@ def in_phase_kg(method):
 
 
 def said(log, machine):
-    return notes(derive(place(log)[0], machine)[0], machine)
+    return notes(derive(measured(place(log)[0], machine)[0], machine)[0], machine)
 
 
 @pytest.mark.parametrize("method", ["pooled", "ls"])

@@ -10,6 +10,7 @@ NO_NOISE = {
     "gyro_noise_rad_s": 0.0,
     "pitch_noise_rad": 0.0,
 }
+#: So that their rows belong together.
 TOGETHER = {"imu_phase_s": 0.0, "torque_phase_s": 0.0, "speed_phase_s": 0.0}
 MASS_KG, FRICTION_N_S_M, G = 3614.0, 2891.0, 9.80665
 

@@ -7,17 +7,8 @@ from polars.testing import assert_frame_equal
 
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.simulation import Scenario, simulate_campaign
-
-QUIET = {
-    "force_noise_N": 0.0,
-    "acc_noise_m_s2": 0.0,
-    "speed_noise_m_s": 0.0,
-    "gyro_noise_rad_s": 0.0,
-    "pitch_noise_rad": 0.0,
-}
-
-#: All topics at the same instants, so that their rows belong together.
-TOGETHER = {"imu_phase_s": 0.0, "torque_phase_s": 0.0, "speed_phase_s": 0.0}
+from tests.analysis.simulation.quiet import NO_NOISE as QUIET
+from tests.analysis.simulation.quiet import TOGETHER, mean_speed, total_force
 
 
 def logs(**sections):
@@ -30,23 +21,11 @@ def first_log(runs=2, **sections):
     return logs(campaign=campaign, **sections)[0]
 
 
-def total_force(log):
-    machine = log.scenario.machine
-    torque = log.topics["torque"]
-    total = (torque["torque_left_N_m"] + torque["torque_right_N_m"]).to_numpy()
-    return total / machine.wheel_radius_m / machine.force_share
-
-
-def speed(log):
-    frame = log.topics["speed"]
-    return ((frame["speed_left_m_s"] + frame["speed_right_m_s"]) / 2).to_numpy()
-
-
 def test_without_noise_the_driven_samples_give_mass_and_friction_by_17_and_7():
     log = first_log(sensors=QUIET)
     driven = log.noise_free["phase"].is_in(["accelerating", "cruising"]).to_numpy()
     acc = log.topics["imu"]["specific_force_x_m_s2"].to_numpy()
-    regressor = np.column_stack([acc, speed(log)])[driven]
+    regressor = np.column_stack([acc, mean_speed(log)])[driven]
     solution = np.linalg.lstsq(regressor, total_force(log)[driven])[0]
     np.testing.assert_allclose(solution, [3614.0, 2891.0], rtol=1e-6)
 
@@ -55,7 +34,7 @@ def test_on_a_slope_the_specific_force_carries_gravity_so_that_the_mass_still_co
     log = first_log(sensors=QUIET, terrain={"slope_deg": 3.0})
     driven = log.noise_free["phase"].is_in(["accelerating", "cruising"]).to_numpy()
     imu = log.topics["imu"]
-    regressor = np.column_stack([imu["specific_force_x_m_s2"], speed(log)])[driven]
+    regressor = np.column_stack([imu["specific_force_x_m_s2"], mean_speed(log)])[driven]
     solution = np.linalg.lstsq(regressor, total_force(log)[driven])[0]
     np.testing.assert_allclose(solution, [3614.0, 2891.0], rtol=1e-6)
     standing = (log.noise_free["phase"] == "standstill").to_numpy()
@@ -74,7 +53,7 @@ def test_the_noise_of_total_force_acceleration_and_speed_is_the_scenarios():
     for residual, std in (
         (total_force(log) - truth["measured_force_x_N"].to_numpy(), 60.0),
         (acc - truth["acc_x_m_s2"].to_numpy(), 0.01),
-        (speed(log) - truth["speed_x_m_s"].to_numpy(), 0.005),
+        (mean_speed(log) - truth["speed_x_m_s"].to_numpy(), 0.005),
     ):
         assert residual.std() == pytest.approx(std, rel=0.03)
         assert abs(residual.mean()) < 4 * std / np.sqrt(residual.size)

@@ -11,16 +11,9 @@ from analysis.machine import ImuMounting
 from analysis.mounting import at_origin
 from analysis.simulation import Scenario, simulate_campaign
 from estimators.errors import ScenarioError
+from tests.analysis.simulation.quiet import NO_NOISE as QUIET
+from tests.analysis.simulation.quiet import TOGETHER
 
-QUIET = {
-    "force_noise_N": 0.0,
-    "acc_noise_m_s2": 0.0,
-    "speed_noise_m_s": 0.0,
-    "gyro_noise_rad_s": 0.0,
-    "pitch_noise_rad": 0.0,
-}
-#: All topics at the same instants, so that their rows belong together.
-TOGETHER = {"imu_phase_s": 0.0, "torque_phase_s": 0.0, "speed_phase_s": 0.0}
 WHEELS = MachineBody(name="as simulated", wheel_radius_m=0.42, track_width_m=1.5, force_share=0.5)
 PLANAR = (
     {"kind": "start"},
