@@ -30,7 +30,7 @@ _MISFIT: Final = 2.0
 #: With fewer groups the deviation by the residuals counts so many times.
 _FEW_GROUPS: Final = 3
 _OF_FEW: Final = 2.0
-_ROUNDS: Final = 3
+_ROUNDS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,9 +194,8 @@ def fit(
     scatter, ratio = _between_groups(gain, scores[told], covariance)
     signs = np.ones(f.size) if direction is None else direction
     misfit, common = _common_misfit(gain, A, residual, [sums.rows[i] for i in told], signs)
-    # where noise is nearly all there is, what was not taken off is doubted whole
     taken = sums.noise_gram.sum(axis=0) @ theta - sums.noise_cross.sum(axis=0)
-    doubt = (DOUBT * kept + (1.0 - kept)) * gain @ taken
+    doubt = _doubt(kept) * gain @ taken
     units = np.outer(scale, scale)
     return PriorFit(
         theta / scale,
@@ -237,7 +236,7 @@ class _Sums:
 
 
 class _Solved(NamedTuple):
-    """Estimates, H⁻¹, H⁻¹/σ², residuals with their correlation and variance, the noise's share."""
+    """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, the noise's share."""
 
     theta: Floats
     bread: Floats
@@ -252,7 +251,10 @@ class _Solved(NamedTuple):
 def _solved(
     A: Floats, f: Floats, group: Ints, sums: _Sums, precision: Floats, believed: Floats
 ) -> _Solved:
-    """Solve (G/σ² + P⁻¹) θ = b/σ² + P⁻¹ θ₀, σ² by the residuals' long-run variance.
+    """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
+
+    S is σ² AᵀA, by the residuals' long-run variance, and what is uncertain of the noise's
+    correction: without it more samples of the same would outvote the priors with that error.
 
     Raises:
         LinAlgError: the samples do not determine it.
@@ -271,16 +273,32 @@ def _solved(
             raise np.linalg.LinAlgError("no residuals")
         share = _noise_share(added, gram + variance * np.diag(precision))
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
-        bread = np.linalg.inv((gram - kept * added) / variance + np.diag(precision))
-        theta = bread @ ((cross - kept * shared) / variance + believed)
+        clean, bare = gram - kept * added, cross - kept * shared
+        if solved is None:
+            bread = np.linalg.inv(clean / variance + np.diag(precision))
+            theta = bread @ (bare / variance + believed)
+        weighed = _weighed(clean, gram, variance, _doubt(kept) * (added @ theta - shared))
+        bread = np.linalg.inv(weighed @ clean + np.diag(precision))
+        theta = bread @ (weighed @ bare + believed)
         residual = np.where(used, f - A @ theta, 0.0)
         # with few parameters to many samples, what the fit takes out is nothing
         correlation, _ = pooled_autocorrelation(residual, group, None)
         white = float(residual @ residual) / (n - p)
-        solved = _Solved(theta, bread, bread / variance, residual, correlation, white, share, kept)
+        solved = _Solved(theta, bread, bread @ weighed, residual, correlation, white, share, kept)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     assert solved is not None
     return solved
+
+
+def _doubt(kept: float) -> float:
+    """The uncertain share of the noise; what was not taken off is doubted whole."""
+    return DOUBT * kept + (1.0 - kept)
+
+
+def _weighed(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
+    """G S⁻¹ with S = σ² AᵀA and one error that is common to all samples."""
+    S = variance * gram + np.outer(doubted, doubted)
+    return np.linalg.solve(S + 1e-12 * np.trace(S) * np.eye(len(S)), clean).T
 
 
 def _at_least(meats: Floats, gram: Floats) -> Floats:

@@ -140,6 +140,8 @@ def _noise_moments(
     slopes = np.zeros((which.size, 2 + len(terms), 3))
     slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
     for j, term in enumerate(terms, start=2):
+        if term.by_acceleration is not None:
+            slopes[:, j, 0] = term.by_acceleration(raw)[kept]
         if term.by_speed is not None:
             slopes[:, j, 1] = term.by_speed(raw)[kept]
         if term.by_force is not None:

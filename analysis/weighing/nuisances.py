@@ -47,6 +47,7 @@ class Nuisance:
         shrinks: what would narrow it.
         by_speed: derivative of the column by the speed, whose noise it carries; None: none.
         by_force: likewise by the force.
+        by_acceleration: likewise by the acceleration.
         applies: whether a log can have it.
     """
 
@@ -58,6 +59,7 @@ class Nuisance:
     shrinks: str
     by_speed: Callable[[Moments], Floats] | None = None
     by_force: Callable[[Moments], Floats] | None = None
+    by_acceleration: Callable[[Moments], Floats] | None = None
     applies: Callable[[Equation], bool] = lambda _: True
 
 
@@ -125,6 +127,8 @@ NUISANCES: Final = (
         lambda _, s: s.load_transfer_s2_m,
         "the measured wheels' share of the force changes with the acceleration",
         "force measured on all wheels, or starts at different throttles",
+        by_force=lambda m: m.acceleration,
+        by_acceleration=lambda m: m.force,
         applies=lambda e: e.force_share < 1.0,
     ),
 )
@@ -137,4 +141,5 @@ CURVATURE: Final = Nuisance(
     lambda _, __: 1e9,
     "a force that is not linear in the acceleration",
     "force measured on all wheels; brakes that are seen whole",
+    by_acceleration=lambda m: 2.0 * np.abs(m.acceleration),
 )
