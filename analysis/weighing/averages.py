@@ -12,6 +12,7 @@ from analysis.weighing.equation import (
     Ints,
     NoiseOfColumns,
     begins,
+    ground_speed,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
 from estimators import prior_fit
@@ -55,6 +56,7 @@ def averages(
     terms: tuple[Nuisance, ...],
     lag_s: float,
     samples: int,
+    slip_1_N: float,
 ) -> Averages:
     """Average the columns with the force moved back by a lag.
 
@@ -64,12 +66,14 @@ def averages(
         terms: the nuisances.
         lag_s: how late the force is.
         samples: longest mean.
+        slip_1_N: share of the ground's speed that a newton makes the wheels slip.
     """
     rows = np.arange(motion.force.size, dtype=np.float64)
     force = np.interp(rows + lag_s * motion.rate_hz, rows, motion.force)
     raw = Moments(
         motion.acceleration,
         motion.speed,
+        ground_speed(motion.speed, force, slip_1_N),
         force,
         _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
         motion.direction,

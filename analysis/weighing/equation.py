@@ -34,6 +34,8 @@ _MIXED: Final = 1
 _MIXED_FILTERED: Final = 3
 #: Samples beside a gap that are not fitted.
 _CLEAR: Final = 10
+#: Wheels of which less rolls say nothing of the ground's speed.
+_LEAST_GROUND: Final = 0.5
 #: Moving both ways needs this share of the samples each way.
 _BOTH_WAYS: Final = 0.1
 
@@ -172,6 +174,11 @@ def equation(
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
     )
+
+
+def ground_speed(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+    """The ground's speed from that of wheels which slip by κ = F / C, (n,) in m/s."""
+    return speed / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
 def begins(group: Ints) -> Bools:

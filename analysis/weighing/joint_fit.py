@@ -173,13 +173,15 @@ class _Task:
         alone makes up for that (f + τ df/dt).
         """
         lag = _place("lag", self.terms)
+        wheels = self.wheels
+        slip_1_N = wheels.slip_1_N[0] if wheels is not None and wheels.goes_together else 0.0
         std = np.zeros(len(self.terms))
         lag_s = begin.lag_s if begin and shift else 0.0
         fitted = begin.fit if begin else None
         for _ in range(rounds):
             mean, std = self._priors(fitted)
             mean[lag] = -lag_s
-            rows = averages(self.motion, self.noise, self.terms, lag_s, samples)
+            rows = averages(self.motion, self.noise, self.terms, lag_s, samples, slip_1_N)
             fitted = prior_fit.fit(
                 rows.A,
                 rows.f,

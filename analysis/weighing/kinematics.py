@@ -1,9 +1,10 @@
 """Wheels against accelerometer: gain, slip and delay of the speed, from the motion alone.
 
-    v = ∫ (1 + gain) a dt + slip · |v| F - delay · a + a constant and a slope for each manoeuvre
+    v = ∫ (1 + gain) a dt + slip · |u| (F - F₀) - delay · a + a constant and a slope a manoeuvre
 
-The constant is the speed that it begins with, the slope takes tilt, bias and grade. Slip κ = F / C
-(Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its coefficient is 1 / C.
+with the ground's speed u. The constant is the speed that a manoeuvre begins with, the slope takes
+tilt, bias and grade. Slip κ = F / C (Pacejka, Tire and Vehicle Dynamics, chapter 1), so that its
+coefficient is 1 / C; an offset F₀ of the force looks like a gain where all driving is one way.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns
+from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns, ground_speed
+from analysis.weighing.nuisances import const_width
 from estimators import prior_fit
 from estimators.fit_loss import group_rows
 from estimators.prior_fit import NoiseMoments
@@ -26,10 +28,16 @@ _WIDE_GAIN: Final = 0.3
 #: A gain counts from so many of its deviations, and from this size, on.
 _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
+#: Slip and ground speed, found in turn.
+_PASSES: Final = 3
+#: Of its speed, no wheel that weighs slips more.
+_MOST_SLIP: Final = 0.4
 #: Pitch and acceleration that correlate so well are a squat.
 _TOGETHER: Final = 0.8
 #: Residuals of so many times the noise of the speed: the two do not go together.
 _MISMATCH: Final = 3.0
+
+_Rows = tuple[Floats, Floats, Ints, NoiseMoments]
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,22 +105,28 @@ def _pitches(gravity: Floats, motion: Equation) -> tuple[float, float]:
 def _compared(
     measured: Floats, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings
 ) -> Kinematics | None:
-    rows = _rows(measured, motion, noise)
-    if rows is None:
-        return None
     slip_std = priors.wheel_slip / motion.largest_force
 
-    def solved(gain_std: float) -> prior_fit.PriorFit:
-        widths = np.array([gain_std, slip_std, priors.speed_delay_s])
-        return prior_fit.fit(*rows, np.zeros(3), widths, shortest=10 * _MEAN // _EVERY)
+    def solved(rows: _Rows, gain_std: float, slip_1_N: float) -> prior_fit.PriorFit:
+        offset = slip_1_N * const_width(motion, priors)
+        widths = np.array([gain_std, slip_std, priors.speed_delay_s, offset])
+        return prior_fit.fit(*rows, np.zeros(4), widths, shortest=10 * _MEAN // _EVERY)
 
-    wide = solved(_WIDE_GAIN)
+    slip_1_N, about, largest = 0.0, slip_std, _MOST_SLIP / motion.largest_force
+    for _ in range(_PASSES):
+        # the slip is of the ground's speed, and an offset matters by what slip there is
+        rows = _rows(measured, motion, noise, slip_1_N)
+        if rows is None:
+            return None
+        wide = solved(rows, _WIDE_GAIN, about)
+        slip_1_N = float(np.clip(wide.theta[1], -largest, largest))
+        about = abs(slip_1_N) + float(wide.std[1])
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
     counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
-    found = wide if counts else solved(priors.gain)
-    values = list(zip(found.theta.tolist(), found.std.tolist(), strict=True))
+    found = wide if counts else solved(rows, priors.gain, about)
+    values = list(zip(found.theta[:3].tolist(), found.std[:3].tolist(), strict=True))
     return Kinematics(
         gain=(float(wide.theta[0]), float(wide.std[0])),
         gain_by_prior=values[0],
@@ -123,9 +137,15 @@ def _compared(
     )
 
 
+def _line(samples: int) -> Floats:
+    """Orthonormal columns of a constant and a slope, (samples, 2)."""
+    ramp = np.linspace(-1.0, 1.0, samples)
+    return np.linalg.qr(np.column_stack([np.ones(samples), ramp]))[0]
+
+
 def _rows(
-    measured: Floats, motion: Equation, noise: NoiseOfColumns
-) -> tuple[Floats, Floats, Ints, NoiseMoments] | None:
+    measured: Floats, motion: Equation, noise: NoiseOfColumns, slip_1_N: float
+) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
     step_s = 1.0 / motion.rate_hz
     covariance = noise.covariance(_MEAN)
@@ -143,21 +163,22 @@ def _rows(
             continue
         a, v, f = measured[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        reached = gained + v[:5].mean()  # hardly any noise, unlike v
+        # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
+        without_slip = ground_speed(v, f, slip_1_N) - gained
+        ground = np.abs(gained + _line(v.size) @ (_line(v.size).T @ without_slip))
         y = mean(v - gained)
-        ramp = np.linspace(-1.0, 1.0, y.size)
-        kept, _ = np.linalg.qr(np.column_stack([np.ones(y.size), ramp]))
-        X = np.column_stack([mean(gained), mean(np.abs(reached) * f), mean(-a)])
+        kept = _line(y.size)
+        X = np.column_stack([mean(gained), mean(ground * f), mean(-a), mean(-ground)])
         columns.append(X - kept @ (kept.T @ X))
         responses.append(y - kept @ (kept.T @ y))
         groups.append(np.full(y.size, len(groups)))
-        gram = np.zeros((3, 3))
-        gram[1, 1] = float(mean(reached) @ mean(reached)) * covariance[2, 2]
+        gram = np.zeros((4, 4))
+        gram[1, 1] = float(mean(ground) @ mean(ground)) * covariance[2, 2]
         gram[2, 2] = y.size * covariance[0, 0]
         grams.append(gram)
     if not columns:
         return None
-    moments = NoiseMoments(np.stack(grams), np.zeros((len(grams), 3)))
+    moments = NoiseMoments(np.stack(grams), np.zeros((len(grams), 4)))
     return (
         np.concatenate(columns),
         np.concatenate(responses),

@@ -20,6 +20,7 @@ class Moments:
     Attributes:
         acceleration: in m/s².
         speed: in m/s.
+        ground_speed: the same without the slip that the wheels are known to have.
         force: in N, moved back by the lag.
         force_rate: its derivative where it is more than noise, in N/s.
         direction: of each manoeuvre.
@@ -28,6 +29,7 @@ class Moments:
 
     acceleration: Floats
     speed: Floats
+    ground_speed: Floats
     force: Floats
     force_rate: Floats
     direction: Floats
@@ -63,13 +65,22 @@ class Nuisance:
     applies: Callable[[Equation], bool] = lambda _: True
 
 
+def const_width(motion: Equation, priors: PriorSettings) -> float:
+    """Standard deviation of the constant force's prior, in N."""
+    return float(
+        np.hypot(
+            priors.const_share * motion.largest_force, priors.const_weight_share * motion.weight
+        )
+    )
+
+
 #: In the order of the fit's parameters; a fit has those that apply to its log.
 NUISANCES: Final = (
     Nuisance(
         "const",
         "N",
         lambda m: np.ones_like(m.speed),
-        lambda e, s: np.hypot(s.const_share * e.largest_force, s.const_weight_share * e.weight),
+        const_width,
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
         "starts in both directions, or at different throttles",
@@ -93,7 +104,7 @@ NUISANCES: Final = (
     Nuisance(
         "slip",
         "s/m",
-        lambda m: np.abs(m.speed) * m.force,
+        lambda m: np.abs(m.ground_speed) * m.force,
         lambda e, s: s.wheel_slip / e.largest_speed,
         "longitudinal slip: friction of a wheel speed that is not the ground's",
         "an accelerometer beside the wheel speed, or starts at different throttles",
