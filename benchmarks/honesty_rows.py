@@ -156,6 +156,7 @@ NARROW = ("narrow priors, force_share = 1", "narrow priors, force_share = 0.5")
 _NARROWED = (
     *("const_share", "lag_s", "lag_drift_s", "wheel_slip", "quadratic_share"),
     *("direction_share", "speed_delay_s", "const_weight_share", "direction_weight_share"),
+    *("gain", "load_transfer_s2_m"),
 )
 
 

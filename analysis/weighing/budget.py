@@ -56,6 +56,11 @@ _PARTS: Final = {
         "a late force that is neither plainly delayed nor plainly low-passed",
         "the force without its filter",
     ),
+    "averaging": _FitPart(
+        "common",
+        "the mass depends on how long is averaged: fast motion that the model misses",
+        "an accelerometer on the body; starts that accelerate longer",
+    ),
     "channel_noise": _FitPart(
         "common",
         "noise of speed and acceleration, known to a quarter",

@@ -20,6 +20,9 @@ _ROUNDS: Final = 4
 #: With more noise than this in a direction of its columns a mean is too short.
 _MOST_NOISE: Final = 0.3
 _NEARLY: Final = 1.1
+#: The mass depends on the mean's length from so many deviations, and from this share of it, on.
+_DIFFER: Final = 3.0
+_DIFFER_SHARE: Final = 0.02
 #: A stretch holds at least so many means that have no sample in common.
 _MEANS_A_STRETCH: Final = 6
 #: So many stretches tell which mean is best.
@@ -46,6 +49,7 @@ class JointFit:
         lag_shape_kg: what it would change to take a lag for a low-pass instead of a delay, or the
             other way round, where neither makes up for it; else 0.
         shifted: whether the force was moved back by the lag.
+        averaging_kg: what twice the mean still changes, where the mass depends on its length.
     """
 
     terms: tuple[Nuisance, ...]
@@ -56,6 +60,7 @@ class JointFit:
     motion: Equation
     lag_shape_kg: float = 0.0
     shifted: bool = True
+    averaging_kg: float = 0.0
 
     @property
     def lag_s(self) -> float:
@@ -81,6 +86,7 @@ class JointFit:
             "scatter": float(np.sqrt(max(self.fit.scatter[0, 0], 0.0))),
             "misfit": float(np.sqrt(max(self.fit.misfit[0, 0], 0.0))),
             "lag_shape": abs(self.lag_shape_kg) / 2.0,
+            "averaging": abs(self.averaging_kg),
         }
         wheels = self.kinematics
         if wheels is not None:
@@ -131,15 +137,29 @@ def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) ->
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
     best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
-    moved = whole.fitted(best.mean_samples, _ROUNDS)
+    samples, averaging_kg = best.mean_samples, 0.0
+    # where the longest is the best it has nothing but a shorter one to compare with
+    others = first[lengths.index(samples) + 1 :] or first[-2:-1]
+    if any(_differ(best, other) for other in others):
+        # what the model misses of fast motion: the longest mean has the least of it
+        samples, averaging_kg = lengths[-1], first[-1].mass_kg - first[-2].mass_kg
+    moved = replace(whole.fitted(samples, _ROUNDS), averaging_kg=averaging_kg)
     if abs(moved.lag_s) < _SHORT_LAG_S:
         return moved
-    filtered = whole.fitted(best.mean_samples, 2, shift=False)
+    filtered = replace(whole.fitted(samples, 2, shift=False), averaging_kg=averaging_kg)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():
         return chosen
     return replace(chosen, lag_shape_kg=chosen.mass_kg - other.mass_kg)
+
+
+def _differ(one: JointFit, other: JointFit) -> bool:
+    """Whether means of two lengths give masses that noise does not explain."""
+    first, second = one.parts_kg["noise"], other.parts_kg["noise"]
+    expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
+    difference_kg = abs(one.mass_kg - other.mass_kg)
+    return difference_kg > max(_DIFFER * expected_kg, _DIFFER_SHARE * abs(one.mass_kg))
 
 
 def _place(name: str, terms: tuple[Nuisance, ...]) -> int:
