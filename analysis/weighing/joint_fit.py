@@ -21,7 +21,7 @@ _ROUNDS: Final = 4
 _MOST_NOISE: Final = 0.3
 _NEARLY: Final = 1.1
 #: The mass depends on the mean's length from so many deviations, and from this share of it, on.
-_DIFFER: Final = 3.0
+_DIFFER: Final = 2.5
 _DIFFER_SHARE: Final = 0.02
 #: A stretch holds at least so many means that have no sample in common.
 _MEANS_A_STRETCH: Final = 6
@@ -49,7 +49,7 @@ class JointFit:
         lag_shape_kg: what it would change to take a lag for a low-pass instead of a delay, or the
             other way round, where neither makes up for it; else 0.
         shifted: whether the force was moved back by the lag.
-        averaging_kg: what twice the mean still changes, where the mass depends on its length.
+        averaging_kg: what a longer mean changes, where the mass depends on its length.
     """
 
     terms: tuple[Nuisance, ...]
@@ -137,12 +137,8 @@ def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) ->
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
     best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
-    samples, averaging_kg = best.mean_samples, 0.0
-    # where the longest is the best it has nothing but a shorter one to compare with
-    others = first[lengths.index(samples) + 1 :] or first[-2:-1]
-    if any(_differ(best, other) for other in others):
-        # what the model misses of fast motion: the longest mean has the least of it
-        samples, averaging_kg = lengths[-1], first[-1].mass_kg - first[-2].mass_kg
+    samples = best.mean_samples
+    averaging_kg = _averaging_kg(first, lengths.index(samples))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_kg=averaging_kg)
     if abs(moved.lag_s) < _SHORT_LAG_S:
         return moved
@@ -154,9 +150,21 @@ def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) ->
     return replace(chosen, lag_shape_kg=chosen.mass_kg - other.mass_kg)
 
 
+def _averaging_kg(by_length: list[JointFit], place: int) -> float:
+    """What the mean's length does to the mass, as a standard uncertainty; 0 where noise could."""
+    best, longer = by_length[place], by_length[place + 1 :]
+    if any(_differ(best, other) for other in longer):
+        # anywhere between the two is as likely
+        return (longer[-1].mass_kg - best.mass_kg) / float(np.sqrt(3.0))
+    if not longer and place and _differ(best, by_length[place - 1]):
+        # the longest has no other but the shorter, and may still be as far from the truth
+        return best.mass_kg - by_length[place - 1].mass_kg
+    return 0.0
+
+
 def _differ(one: JointFit, other: JointFit) -> bool:
-    """Whether means of two lengths give masses that noise does not explain."""
-    first, second = one.parts_kg["noise"], other.parts_kg["noise"]
+    """Whether means of two lengths give masses that their uncertainties do not explain."""
+    first, second = one.u_kg, other.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
     difference_kg = abs(one.mass_kg - other.mass_kg)
     return difference_kg > max(_DIFFER * expected_kg, _DIFFER_SHARE * abs(one.mass_kg))
