@@ -51,6 +51,7 @@ class Body(BaseModel):
     force_gain_u: float | None = Field(None, ge=0)
     rotating_mass_kg: float = Field(0.0, ge=0)
     rotating_mass_u_kg: float = Field(0.0, ge=0)
+    repeatability_kg: float | None = Field(None, ge=0)
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
     timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()

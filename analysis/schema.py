@@ -291,13 +291,17 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("load_id", pl.Int64, "1", "number of the load"),
                 Column("start_t_ns", pl.Int64, "ns", "its first fitted sample"),
                 Column("end_t_ns", pl.Int64, "ns", "its last fitted sample"),
-                Column("manoeuvres", pl.Int64, "1", "stretches that were fitted"),
+                Column("manoeuvres", pl.Int64, "1", "manoeuvres that were fitted"),
                 _f("mass_kg", "kg", "mass by the joint fit (null where it is withheld)"),
                 _f("u_kg", "kg", "its standard uncertainty: random, common and scale"),
                 _f("u_random_kg", "kg", "the part that more starts would average out"),
                 _f("u_common_kg", "kg", "the part that is common to the log: nuisances, scale"),
-                _f("payload_kg", "kg", "mass less the machine's empty mass"),
+                _f("payload_kg", "kg", "mass less that of an empty state, or the empty mass"),
                 _f("payload_u_kg", "kg", "its standard uncertainty"),
+                _f("payload_u_random_kg", "kg", "the part that more starts would average out"),
+                Column("payload_to", pl.Int64, "1", "the empty load (null: the empty mass)"),
+                _f("scatter_kg", "kg", "deviation between manoeuvres of one load"),
+                Column("scatter_known", pl.Boolean, "1", "true where enough manoeuvres tell it"),
                 _f("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
                 _f("friction_x_std_N_s_m", "N·s/m", "its standard deviation"),
                 _f("mass_halved_priors_kg", "kg", "the mass with priors half as wide"),
@@ -309,6 +313,18 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column(
                     "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
                 ),
+                Column("said", pl.String, "1", "what a reader must know of the loads"),
+            ),
+        ),
+        Frame(
+            "manoeuvres",
+            "a row a manoeuvre that was fitted: the mass it says once the nuisances are off",
+            (
+                Column("load_id", pl.Int64, "1", "the load that it carries"),
+                Column("start_t_ns", pl.Int64, "ns", "its first fitted sample"),
+                Column("end_t_ns", pl.Int64, "ns", "its last fitted sample"),
+                _f("mass_kg", "kg", "mass by this manoeuvre alone"),
+                _f("mass_std_kg", "kg", "its standard deviation by this manoeuvre alone"),
             ),
         ),
         Frame(
@@ -326,8 +342,9 @@ FRAMES: Final[dict[str, Frame]] = {
         ),
         Frame(
             "budget",
-            "a row a source of the mass' uncertainty, the largest first",
+            "a row a load and source of its mass' uncertainty, the largest first",
             (
+                Column("load_id", pl.Int64, "1", "number of the load"),
                 Column("cause", pl.String, "1", "where it comes from"),
                 Column("kind", pl.String, "1", "random, common or scale"),
                 _f("u_kg", "kg", "standard uncertainty (null where it is not known)"),

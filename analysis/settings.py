@@ -182,6 +182,15 @@ class PriorSettings(BaseModel):
     )
 
 
+class LoadSettings(BaseModel):
+    """When the machine carried nothing, for the payload as a difference."""
+
+    model_config = _PART
+
+    empty_from_s: float | None = Field(None, description="it is known to be empty from here on")
+    empty_to_s: float | None = Field(None, description="up to here, in seconds from the start")
+
+
 class PlanarSettings(BaseModel):
     """Arcs and joint motion."""
 
@@ -341,6 +350,7 @@ class Settings(BaseModel):
     trace: TraceSettings = TraceSettings.model_validate({})
     noise: NoiseSettings = NoiseSettings.model_validate({})
     priors: PriorSettings = PriorSettings.model_validate({})
+    loads: LoadSettings = LoadSettings.model_validate({})
     planar: PlanarSettings = PlanarSettings.model_validate({})
     verdict: VerdictLimits = VerdictLimits.model_validate({})
 

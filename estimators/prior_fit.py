@@ -4,6 +4,9 @@ The noise of the columns is taken off the normal equations (errors in variables:
 Error Models, 1987), the residuals' correlation goes into a sandwich that is combined with the
 priors, and groups (starts, say) that disagree with each other, or that all miss the model in the
 same way, widen the answer. Every part is kept by itself, for a budget.
+
+The first parameter may have a level of its own by group, and scatter about it (a mixed model:
+Laird & Ware 1982, Random-effects models for longitudinal data); the others are everyone's.
 """
 
 from dataclasses import dataclass
@@ -12,9 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, student_factor
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.fit_loss import group_rows
+from estimators.group_sums import GroupSums, NoiseMoments
 from estimators.sandwich import meat
 
 #: The share of the correction for the columns' noise that is uncertain.
@@ -34,21 +36,47 @@ _ROUNDS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
-class NoiseMoments:
-    """What noise adds to the normal equations, by group in ascending order.
+class Levels:
+    """The first parameter's levels.
 
     Attributes:
-        gram: (groups, p, p) added to AᵀA.
-        cross: (groups, p) added to Aᵀf, by noise that a column shares with the response.
+        of: (groups,) level of each group, from 0, groups in ascending order.
+        unit: (groups,) what scatters as one, from 0; a unit has one level.
+        scatter: standard deviation of the units about their level.
+        freedom: degrees of freedom by which that is known.
     """
 
-    gram: Floats
-    cross: Floats
+    of: Ints
+    unit: Ints
+    scatter: float = 0.0
+    freedom: float = np.inf
+
+    @property
+    def count(self) -> int:
+        """How many levels there are."""
+        return int(self.of.max()) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Grouping:
+    """What is known of the groups of samples.
+
+    Attributes:
+        direction: (n,) sign by which what a group misses is compared with the others; None: 1.
+        shortest: groups of fewer samples tell nothing of their own.
+        levels: of the first parameter; None gives it one, and widens by groups that disagree.
+    """
+
+    direction: Floats | None = None
+    shortest: int = 50
+    levels: Levels | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class PriorFit:
     """Estimates, and the parts of their covariance.
+
+    With levels of the first parameter, p counts each, and they come first.
 
     Attributes:
         theta: (p,) estimates.
@@ -93,44 +121,6 @@ class PriorFit:
         return np.sqrt(np.diag(self.covariance))
 
 
-@compiled
-def noise_moments(
-    slopes: Floats, covariances: Floats, which: Ints, group: Ints, groups: int
-) -> tuple[Floats, Floats]:
-    """Sum what noise of q channels adds to the normal equations of p columns.
-
-    Args:
-        slopes: (n, p, q) derivative of each column by each channel; the last channel is the
-            response's.
-        covariances: (kinds, q, q) of the channels' noise.
-        which: (n,) the kind of each sample.
-        group: (n,) the group of each sample, from 0.
-        groups: how many there are.
-
-    Returns:
-        (groups, p, p) and (groups, p): see `NoiseMoments`.
-    """
-    n, p, q = slopes.shape
-    gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
-    part = np.empty((p, q))
-    for k in range(n):
-        covariance, g = covariances[which[k]], group[k]
-        for i in range(p):
-            for y in range(q):
-                total = 0.0
-                for x in range(q):
-                    total += slopes[k, i, x] * covariance[x, y]
-                part[i, y] = total
-            cross[g, i] += part[i, q - 1]
-        for i in range(p):
-            for j in range(p):
-                total = 0.0
-                for y in range(q):
-                    total += part[i, y] * slopes[k, j, y]
-                gram[g, i, j] += total
-    return gram, cross
-
-
 def fit(
     A: Floats,
     f: Floats,
@@ -138,8 +128,7 @@ def fit(
     noise: NoiseMoments | None,
     prior_mean: Floats,
     prior_std: Floats,
-    direction: Floats | None = None,
-    shortest: int = 50,
+    grouping: Grouping | None = None,
 ) -> PriorFit:
     """Fit θ of A θ = f.
 
@@ -150,57 +139,66 @@ def fit(
         noise: of the columns; None takes them as exact.
         prior_mean: (p,).
         prior_std: (p,), inf where nothing is known.
-        direction: (n,) sign by which what a group misses is compared with the others; None: 1.
-        shortest: groups of fewer samples tell nothing of their own.
+        grouping: what is known of the groups; None for its defaults.
 
     Returns:
         The fit; NaN throughout where the samples do not determine it.
     """
+    grouping = Grouping() if grouping is None else grouping
+    levels, direction = grouping.levels, grouping.direction
     used = group >= 0
     n, p = int(used.sum()), A.shape[1]
-    if n <= p:
-        return _nothing(p, f.size)
+    count = 1 if levels is None else levels.count
+    if n <= p + count:
+        return _nothing(p + count - 1, f.size)
     scale = np.sqrt((A[used] ** 2).mean(axis=0))
     # a column that is 0 throughout is left to its prior
     scale = np.where(scale > 0.0, scale, 1.0)
     A = np.ascontiguousarray(np.where(used[:, None], A / scale, 0.0))
     f = np.where(used, f, 0.0)
-    sums = _Sums.of(A, f, group, noise, scale)
+    sums = GroupSums.of(A, f, group, noise, scale)
+    one = np.zeros(len(sums.rows), np.int64)
+    shape = _Shape(Levels(one, np.arange(one.size)) if levels is None else levels, p, scale[0])
     precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
     try:
-        solved = _solved(A, f, group, sums, precision, precision * prior_mean * scale)
+        solved = _solved(A, f, group, sums, shape, precision, precision * prior_mean * scale)
     except np.linalg.LinAlgError:
-        return _nothing(p, f.size)
-    theta, bread, gain, residual, correlation, white, share, kept = solved
-    meats = np.sum(
+        return _nothing(p + count - 1, f.size)
+    theta, bread, gain, residual, correlation, white, share, kept, turned = solved
+    meats = np.stack(
         [
             meat(A, group, int(group[part[0]]), int(part[0]), int(part[-1]), correlation)
             for part in sums.rows
-        ],
-        axis=0,
+        ]
     )
     # noise of the columns times the residuals, both of which last as long as the mean does
     alike = max(2.0 * float(correlation @ correlation) - 1.0, 1.0)
-    meats += sums.noise_gram.sum(axis=0) * alike
-    covariance = gain @ (_at_least(meats, sums.grams.sum(axis=0)) * white) @ gain.T
-    covariance *= student_factor(max(n / alike - p, 1.0)) ** 2
-    told = [i for i, part in enumerate(sums.rows) if part.size >= shortest]
+    turns = turned.turns[shape.levels.unit]
+    meats = turns @ (meats + sums.noise_gram * alike) @ turns.transpose(0, 2, 1)
+    covariance = gain @ (_at_least(shape.square(meats), turned.gram) * white) @ gain.T
+    covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
+    told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
     if len(told) < _FEW_GROUPS:
         # nothing tells what they miss alike, or how they scatter
         covariance *= _OF_FEW**2
-    scores = (sums.crosses - kept * sums.noise_cross) - (
-        sums.grams - kept * sums.noise_gram
-    ) @ theta
-    scatter, ratio = _between_groups(gain, scores[told], covariance)
+    own = shape.by_group(theta)
+    cleaned = sums.grams - kept * sums.noise_gram
+    scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
+    spread = shape.rows(np.einsum("gij,gj->gi", turns, scores))[told]
+    scatter, ratio = _between_groups(gain, spread, covariance)
+    if levels is not None:
+        scatter = gain @ turned.scatter @ gain.T * student_factor(levels.freedom) ** 2
     signs = np.ones(f.size) if direction is None else direction
-    misfit, common = _common_misfit(gain, A, residual, [sums.rows[i] for i in told], signs)
-    taken = sums.noise_gram.sum(axis=0) @ theta - sums.noise_cross.sum(axis=0)
-    doubt = _doubt(kept) * gain @ taken
+    common_gain = gain @ shape.wide(turns[told], shape.levels.of[told]) / max(len(told), 1)
+    misfit, common = _common_misfit(common_gain, A, residual, [sums.rows[i] for i in told], signs)
+    # where noise is nearly all there is, what was not taken off is doubted whole
+    doubt = _doubt(kept) * gain @ turned.taken
+    scale = shape.widened(scale)
     units = np.outer(scale, scale)
     return PriorFit(
         theta / scale,
         covariance / units,
-        (bread * np.sqrt(precision)).T / scale,
+        (bread * np.sqrt(shape.widened(precision))).T / scale,
         scatter / units,
         misfit / units,
         doubt / scale,
@@ -214,25 +212,115 @@ def fit(
 
 
 @dataclass(frozen=True, slots=True)
-class _Sums:
-    """The normal equations by group, and what noise adds to them, of scaled columns."""
+class _Shape:
+    """How p parameters of a group are those of the whole: a level first, then everyone's."""
 
-    rows: list[Ints]
-    grams: Floats
-    crosses: Floats
-    noise_gram: Floats
-    noise_cross: Floats
+    levels: Levels
+    p: int
+    scale: float
 
-    @classmethod
-    def of(
-        cls, A: Floats, f: Floats, group: Ints, noise: NoiseMoments | None, scale: Floats
-    ) -> "_Sums":
-        rows = group_rows(group)
-        grams = np.stack([A[part].T @ A[part] for part in rows])
-        crosses = np.stack([A[part].T @ f[part] for part in rows])
-        if noise is None:
-            return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
-        return cls(rows, grams, crosses, noise.gram / np.outer(scale, scale), noise.cross / scale)
+    def widened(self, values: Floats) -> Floats:
+        """(p,) of a group as (wide,), the first for every level."""
+        return np.concatenate([np.full(self.levels.count, values[0]), values[1:]])
+
+    def by_group(self, theta: Floats) -> Floats:
+        """(groups, p) parameters of each."""
+        of = self.levels.of
+        shared = np.broadcast_to(theta[self.levels.count :], (of.size, self.p - 1))
+        return np.column_stack([theta[of], shared])
+
+    def rows(self, values: Floats) -> Floats:
+        """(groups, wide) of (groups, p)."""
+        count, of = self.levels.count, self.levels.of
+        out = np.zeros((of.size, count + self.p - 1))
+        out[np.arange(of.size), of] = values[:, 0]
+        out[:, count:] = values[:, 1:]
+        return out
+
+    def square(self, values: Floats, of: Ints | None = None) -> Floats:
+        """The sum (wide, wide) of (groups, p, p)."""
+        count, of = self.levels.count, self.levels.of if of is None else of
+        out = np.zeros((count + self.p - 1, count + self.p - 1))
+        np.add.at(out, (of, of), values[:, 0, 0])
+        for j in range(1, self.p):
+            np.add.at(out[:, count + j - 1], of, values[:, 0, j])
+            np.add.at(out[count + j - 1], of, values[:, j, 0])
+        out[count:, count:] = values[:, 1:, 1:].sum(axis=0)
+        return out
+
+    def wide(self, turns: Floats, of: Ints) -> Floats:
+        """(wide, p) of (groups, p, p): what an error that all share does to the scores."""
+        out = np.zeros((self.levels.count + self.p - 1, self.p))
+        np.add.at(out, of, turns[:, 0])
+        out[self.levels.count :] = turns[:, 1:].sum(axis=0)
+        return out
+
+    @property
+    def of_units(self) -> Ints:
+        """(units,) level of each."""
+        out = np.zeros(int(self.levels.unit.max()) + 1, np.int64)
+        out[self.levels.unit] = self.levels.of
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class _Turned:
+    """The normal equations of the whole, every unit weighted down by its scatter.
+
+    A unit's scores G δ + e, δ the scatter, have the covariance S = σ² G + τ² g gᵀ with g the first
+    column of G; G S⁻¹ = T / σ² with T = 1 - κ g e₁ᵀ, κ = ρ / (1 + ρ G₁₁) and ρ = τ² / σ².
+
+    Attributes:
+        turns: (units, p, p) T.
+        clean: (wide, wide) T G, without noise.
+        bare: (wide,) T Aᵀf, without noise.
+        gram: (wide, wide) T G with it.
+        taken: (wide,) what all noise does to the scores.
+        scatter: (wide, wide) of the scores by τ alone.
+    """
+
+    turns: Floats
+    clean: Floats
+    bare: Floats
+    gram: Floats
+    taken: Floats
+    scatter: Floats
+
+
+def _turned(sums: GroupSums, shape: _Shape, kept: float, theta: Floats, variance: float) -> _Turned:
+    levels, of = shape.levels, shape.of_units
+    each = sums.by(levels.unit)
+    clean = each.grams - kept * each.noise_gram
+    bare = each.crosses - kept * each.noise_cross
+    first = np.zeros((of.size, shape.p))
+    first[levels.unit] = shape.by_group(theta)
+    taken = np.einsum("uij,uj->ui", each.noise_gram, first) - each.noise_cross
+    ratio = (levels.scatter * shape.scale) ** 2 / variance
+    column = clean[:, :, 0]
+    weight = ratio / (1.0 + ratio * np.maximum(column[:, 0], 0.0))
+    turns = np.tile(np.eye(shape.p), (of.size, 1, 1))
+    turns[:, :, 0] -= weight[:, None] * column
+    moved = np.einsum("uij,uj->ui", turns, column)
+    by_tau = variance * ratio * np.einsum("ui,uj->uij", moved, moved)
+    full = each.grams - (ratio / (1.0 + ratio * each.grams[:, 0, 0]))[:, None, None] * np.einsum(
+        "ui,uj->uij", each.grams[:, :, 0], each.grams[:, :, 0]
+    )
+    return _Turned(
+        turns,
+        shape.square(turns @ clean, of),
+        _summed(np.einsum("uij,uj->ui", turns, bare), of, levels.count),
+        shape.square(full, of),
+        _summed(np.einsum("uij,uj->ui", turns, taken), of, levels.count),
+        shape.square(by_tau, of),
+    )
+
+
+def _summed(values: Floats, of: Ints, count: int) -> Floats:
+    """The sum (wide,) of (units, p)."""
+    out = np.zeros(count + values.shape[1] - 1)
+    np.add.at(out, of, values[:, 0])
+    out[count:] = values[:, 1:].sum(axis=0)
+    return out
 
 
 class _Solved(NamedTuple):
@@ -246,10 +334,17 @@ class _Solved(NamedTuple):
     white: float
     share: float
     kept: float
+    turned: _Turned
 
 
 def _solved(
-    A: Floats, f: Floats, group: Ints, sums: _Sums, precision: Floats, believed: Floats
+    A: Floats,
+    f: Floats,
+    group: Ints,
+    sums: GroupSums,
+    shape: _Shape,
+    precision: Floats,
+    believed: Floats,
 ) -> _Solved:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
 
@@ -260,31 +355,41 @@ def _solved(
         LinAlgError: the samples do not determine it.
     """
     used = group >= 0
-    n, p = int(used.sum()), A.shape[1]
+    n = int(used.sum())
+    index = np.full(f.size, -1, np.int64)
+    for i, part in enumerate(sums.rows):
+        index[part] = i
     gram, cross = sums.grams.sum(axis=0), sums.crosses.sum(axis=0)
-    added, shared = sums.noise_gram.sum(axis=0), sums.noise_cross.sum(axis=0)
+    added = sums.noise_gram.sum(axis=0)
     # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
-    theta = np.linalg.lstsq(gram, cross, rcond=None)[0]
-    first = f - A @ theta
-    variance = float(first @ first) / n
+    first = np.linalg.lstsq(gram, cross, rcond=None)[0]
+    left = f - A @ first
+    variance = float(left @ left) / n
+    theta = shape.widened(np.asarray(first, np.float64))
+    wide_precision, wide_believed = shape.widened(precision), shape.widened(believed)
     solved: _Solved | None = None
     for _ in range(_ROUNDS):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
         share = _noise_share(added, gram + variance * np.diag(precision))
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
-        clean, bare = gram - kept * added, cross - kept * shared
+        turned = _turned(sums, shape, kept, theta, variance)
         if solved is None:
-            bread = np.linalg.inv(clean / variance + np.diag(precision))
-            theta = bread @ (bare / variance + believed)
-        weighed = _weighed(clean, gram, variance, _doubt(kept) * (added @ theta - shared))
-        bread = np.linalg.inv(weighed @ clean + np.diag(precision))
-        theta = bread @ (weighed @ bare + believed)
-        residual = np.where(used, f - A @ theta, 0.0)
+            found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
+            theta = found @ (turned.bare / variance + wide_believed)
+            turned = _turned(sums, shape, kept, theta, variance)
+        weighed = _weighed(turned.clean, turned.gram, variance, _doubt(kept) * turned.taken)
+        bread = np.asarray(
+            np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
+        )
+        theta = bread @ (weighed @ turned.bare + wide_believed)
+        own = shape.by_group(theta)
+        residual = np.where(used, f - np.einsum("ni,ni->n", A, own[index]), 0.0)
         # with few parameters to many samples, what the fit takes out is nothing
         correlation, _ = pooled_autocorrelation(residual, group, None)
-        white = float(residual @ residual) / (n - p)
-        solved = _Solved(theta, bread, bread @ weighed, residual, correlation, white, share, kept)
+        white = float(residual @ residual) / (n - theta.size)
+        gain = bread @ weighed
+        solved = _Solved(theta, bread, gain, residual, correlation, white, share, kept, turned)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     assert solved is not None
     return solved
@@ -346,13 +451,14 @@ def _between_groups(gain: Floats, scores: Floats, covariance: Floats) -> tuple[F
 def _common_misfit(
     gain: Floats, A: Floats, residual: Floats, rows: list[Ints], direction: Floats
 ) -> tuple[Floats, float]:
-    """What all groups miss alike adds, (p, p), and the ratio of its mean square to its noise.
+    """What all groups miss alike adds, (wide, wide), and the ratio of its square to its noise.
 
+    The gain (wide, p) is that of a score which every group has.
     Averaged over the groups from where each begins, residuals that are noise leave a share 1/groups
     of their variance. What is left beyond counts as one draw of an error with the correlation of
     that average: repeating it in every group does not average it out.
     """
-    nothing = np.zeros_like(gain)
+    nothing = np.zeros((len(gain), len(gain)))
     if len(rows) < 3:
         return nothing, float("nan")
     length = int(np.median([part.size for part in rows]))

@@ -20,7 +20,7 @@ from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
-from analysis.weighing.loads import budget_frame, loads, nuisances
+from analysis.weighing.loads import budget_frame, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import weigh
 from estimators.threads import one_blas_thread
 from replay.inputs import named_by_topic, provenance, read_channels
@@ -102,6 +102,7 @@ def run(
             "segments": table,
             "planar": plane,
             "loads": loads(weighing, excitation, machine, opinion),
+            "manoeuvres": manoeuvre_frame(weighing, excitation),
             "nuisances": nuisances(weighing),
             "budget": budget_frame(weighing, machine),
             "masses": totals,

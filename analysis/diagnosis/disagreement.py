@@ -27,7 +27,8 @@ def disagreements(evidence: Evidence) -> list[Disagreement]:
 
     A method without nuisance terms says that they are 0, but for the Coulomb term where it is set.
     Where the log shows one that is not, its interval must at least contain the answer's; likewise
-    where starts disagree, since then its deviation, which is of noise alone, is too small.
+    where starts disagree, since then its deviation, which is of noise alone, is too small. None
+    holds where there are several loads: each has one mass.
     """
     weighing, totals = evidence.weighing, evidence.totals
     if weighing is None or totals is None:
@@ -35,14 +36,15 @@ def disagreements(evidence: Evidence) -> list[Disagreement]:
     fit = weighing.fit
     modelled = _modelled(evidence)
     shows = any(t > _TERM_IS_THERE for term, t in fit.terms_t.items() if term not in modelled)
-    shows = shows or bool(fit.fit.scatter.any() or fit.fit.misfit.any())
+    shows = shows or bool(fit.fit.misfit.any())
+    shows = shows or (fit.states is not None and fit.states.scatters)
     out: list[Disagreement] = []
     columns = (totals["method"].to_list(), values(totals, "mass_kg"), values(totals, "mass_std_kg"))
     for method, mass_kg, std_kg in zip(*columns, strict=True):
         if not np.isfinite(mass_kg):
             continue
         apart_kg = mass_kg - fit.mass_kg
-        if not np.isfinite(std_kg):
+        if fit.count > 1 or not np.isfinite(std_kg):
             out.append(Disagreement(method, np.inf, contradicted=True))
             continue
         deviations = apart_kg / float(np.hypot(std_kg, fit.u_kg))

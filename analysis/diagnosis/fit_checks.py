@@ -42,7 +42,8 @@ def _relative_u(evidence: Evidence, _: Motion) -> float:
     weighing = evidence.weighing
     if weighing is None or not weighing.fit.mass_kg > 0:
         return np.nan if weighing is None else np.inf
-    u_kg = combined(budget(weighing, evidence.machine), "random", "common")
+    sources = budget(weighing, evidence.machine, weighing.fit.weights(weighing.fit.main))
+    u_kg = combined(sources, "random", "common")
     return u_kg / weighing.fit.mass_kg if np.isfinite(weighing.fit.u_kg) else np.nan
 
 
@@ -51,18 +52,24 @@ def _beyond_prior(weighing: Weighing) -> float:
     return max(
         abs(float(found)) / width
         for term, found, width in zip(
-            weighing.fit.terms, weighing.fit.fit.theta[2:], weighing.fit.prior_std, strict=True
+            weighing.fit.terms, weighing.fit.posterior[0], weighing.fit.prior_std, strict=True
         )
         if term.name in ("const", "direction")
     )
 
 
 def _friction_t(weighing: Weighing) -> float:
-    return float(weighing.fit.fit.theta[1] / weighing.fit.fit.std[1])
+    value, std = weighing.fit.friction
+    return value / std
 
 
 def _braking(weighing: Weighing) -> float:
     return abs(weighing.braking_kg) / abs(weighing.fit.mass_kg)
+
+
+def _scatter(weighing: Weighing) -> float:
+    states = weighing.fit.states
+    return np.nan if states is None else states.birge_ratio
 
 
 def _contradicted(evidence: Evidence, _: Motion) -> float:
@@ -174,13 +181,14 @@ FIT_CHECKS: Final = (
     CheckRow(
         "scatter",
         "mass",
-        _of_fit(lambda weighing: weighing.fit.fit.scatter_ratio),
-        "deviation of the starts' masses over what their noise explains: the load may have changed",
+        _of_fit(_scatter),
+        "deviation of manoeuvres about their load over what the noise of each explains",
         maximum="scatter_max",
         applies=lambda evidence, _: (
-            evidence.weighing is not None and evidence.weighing.fit.fit.groups > 1
+            evidence.weighing is not None and np.isfinite(_scatter(evidence.weighing))
         ),
-        remedy="replay the loads apart",
+        consequence="widen",
+        remedy="machine.repeatability_kg, where it is known; starts that are alike",
     ),
     CheckRow(
         "misfit",

@@ -15,9 +15,9 @@ from analysis.weighing.equation import (
     ground_speed,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
-from estimators import prior_fit
+from estimators import group_sums
 from estimators.group_mean import trailing_group_mean
-from estimators.prior_fit import NoiseMoments
+from estimators.group_sums import NoiseMoments
 
 #: So many rows a length of the mean hold nearly all that its means hold.
 _ROWS_A_MEAN: Final = 8
@@ -151,5 +151,5 @@ def _noise_moments(
         if term.by_force is not None:
             slopes[:, j, 2] = term.by_force(raw)[kept]
     slopes *= weight[:, None, None]
-    moments = prior_fit.noise_moments(slopes, covariances, which, index, ids.size)
+    moments = group_sums.noise_moments(slopes, covariances, which, index, ids.size)
     return NoiseMoments(*moments)

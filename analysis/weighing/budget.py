@@ -1,12 +1,13 @@
 """What the mass' uncertainty is made of: the fit's parts, and what no log can tell (its scale)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from analysis.machine import Machine
+from analysis.weighing.equation import Floats
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
@@ -44,7 +45,9 @@ class _FitPart:
 _PARTS: Final = {
     "noise": _FitPart("random", "noise of this log, through its residuals", "more starts"),
     "scatter": _FitPart(
-        "random", "starts that disagree with each other", "more starts; a load that does not change"
+        "random",
+        "manoeuvres of one load that disagree with each other",
+        "more starts, and alike",
     ),
     "misfit": _FitPart(
         "common",
@@ -138,12 +141,19 @@ _SCALES: Final = (
 )
 
 
-def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
-    """Every source of the mass' uncertainty, the largest first, the unknown ones last."""
+def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[UncertaintySource]:
+    """Every source of uncertainty of a sum of masses, the largest first, the unknown ones last.
+
+    Args:
+        weighing: the joint fit.
+        machine: what is known of the machine.
+        weights: (masses,) of each mass in the sum: 1 for one mass, 1 and -1 for a difference.
+    """
     fit, body = weighing.fit, machine.machine
+    sum_kg = abs(float(weights @ fit.masses_kg))
     priors = {term.name: term for term in NUISANCES}
     sources: list[UncertaintySource] = []
-    for name, u_kg in {**fit.parts_kg, **doubts(weighing)}.items():
+    for name, u_kg in {**fit.parts_kg(weights), **doubts(weighing, weights)}.items():
         if name in priors:
             term = priors[name]
             sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
@@ -157,17 +167,19 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
                 UncertaintySource(
                     scale.name,
                     "scale",
-                    None if relative is None else relative * abs(fit.mass_kg),
+                    None if relative is None else relative * sum_kg,
                     scale.meaning,
                     f"known loads; {scale.setting} states what is known",
                 )
             )
-    if body.rotating_mass_u_kg:
+    # of a difference it cancels
+    rotating_u_kg = body.rotating_mass_u_kg * abs(float(weights.sum()))
+    if rotating_u_kg:
         sources.append(
             UncertaintySource(
                 "rotating_mass",
                 "scale",
-                body.rotating_mass_u_kg,
+                rotating_u_kg,
                 "wheels and motors that turn as the machine gains speed",
                 "known loads, or the drawings of the driveline",
             )
@@ -175,17 +187,25 @@ def budget(weighing: Weighing, machine: Machine) -> list[UncertaintySource]:
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
 
 
-def doubts(weighing: Weighing) -> dict[str, float]:
-    """What else a check of the fit widens the answer by, in kg, where it shows."""
+def doubts(weighing: Weighing, weights: Floats) -> dict[str, float]:
+    """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
+    fit = weighing.fit
+    # what is wrong with the equation is as wrong with every mass
+    share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg)
     found: dict[str, float] = {}
     if weighing.curvature.shows:
-        found["curvature"] = abs(weighing.curvature.kg)
+        found["curvature"] = abs(weighing.curvature.kg) * share
     if weighing.braking_doubted:
-        found["braking"] = abs(weighing.braking_kg) / 2.0
-    leans_kg = abs(weighing.doubled_kg - weighing.fit.mass_kg)
-    if leans_kg > _LEANS * weighing.fit.u_kg:
+        found["braking"] = abs(weighing.braking_kg) / 2.0 * share
+    leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
+    if leans_kg > _LEANS * combined_kg(fit.parts_kg(weights)):
         found["priors"] = leans_kg
     return found
+
+
+def combined_kg(parts_kg: Mapping[str, float]) -> float:
+    """The root sum of squares."""
+    return float(np.sqrt(sum(part**2 for part in parts_kg.values())))
 
 
 def unknown_scale(sources: list[UncertaintySource]) -> list[str]:

@@ -58,6 +58,7 @@ class Equation:
         force: in N.
         group: number of the stretch of each sample that may be fitted, -1 for the others.
         direction: 1 forwards, -1 in reverse, by manoeuvre.
+        unit: how often the machine has stood before: a load changes nowhere else.
         rate_hz: of the grid.
         specific_force: the accelerometer along x, in m/s², where there is one.
         without_gravity: likewise with gravity's share by the pitch taken off.
@@ -71,6 +72,7 @@ class Equation:
     force: Floats
     group: Ints
     direction: Floats
+    unit: Ints
     rate_hz: float
     specific_force: Floats | None
     without_gravity: Floats | None
@@ -92,6 +94,7 @@ class Equation:
             force=self.force[cut],
             group=self.group[cut],
             direction=self.direction[cut],
+            unit=self.unit[cut],
             specific_force=None if measured is None else measured[cut],
             without_gravity=None if level is None else level[cut],
         )
@@ -167,6 +170,7 @@ def equation(
         np.where(known, force, 0.0),
         group,
         _directions(group, np.where(known, speed, 0.0)),
+        _standstills(excitation),
         settings.align.rate_hz,
         measured,
         level,
@@ -184,6 +188,12 @@ def ground_speed(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
 def begins(group: Ints) -> Bools:
     """Which samples are the first of their stretch, (n,)."""
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
+
+
+def _standstills(excitation: pl.DataFrame) -> Ints:
+    """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
+    stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
+    return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
 
 
 def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:

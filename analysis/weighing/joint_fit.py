@@ -10,13 +10,17 @@ from analysis.weighing.averages import averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Nuisance
+from analysis.weighing.states import States, found_states, stretch_units
 from estimators import prior_fit
-from estimators.prior_fit import PriorFit
+from estimators.changepoints import Units, units_of
+from estimators.prior_fit import Grouping, PriorFit
 
 #: Lengths of the mean that are tried: the one with the smallest deviation of the mass is taken.
 MEANS: Final = (5, 10, 20, 40, 80, 160)
 #: Rounds of finding the lag, moving the force back by it, and fitting again.
 _ROUNDS: Final = 4
+#: Likewise of load states and the fit that takes the nuisances off.
+_STATE_ROUNDS: Final = 4
 #: With more noise than this in a direction of its columns a mean is too short.
 _MOST_NOISE: Final = 0.3
 _NEARLY: Final = 1.1
@@ -40,75 +44,123 @@ class JointFit:
     """The fit, and how it came about.
 
     Attributes:
-        terms: the nuisances, in the order of the parameters behind mass and friction.
+        terms: the nuisances, in the order of the parameters behind masses and friction.
         prior_std: (terms,) widths of the priors that were used.
-        fit: estimates and parts; mass first, friction second. The lag is the whole lag.
+        fit: estimates and parts; the masses first, then friction. The lag is the whole lag.
+        states: which load each manoeuvre carries; None before they were looked for.
         kinematics: what the wheels say of the accelerometer, where there is one.
         mean_samples: length of the mean.
         motion: what was fitted.
-        lag_shape_kg: what it would change to take a lag for a low-pass instead of a delay, or the
-            other way round, where neither makes up for it; else 0.
+        lag_shape_kg: (masses,) what it would change to take a lag for a low-pass instead of a
+            delay, or the other way round, where neither makes up for it; else 0.
         shifted: whether the force was moved back by the lag.
-        averaging_kg: what a longer mean changes, where the mass depends on its length.
+        averaging_share: what a longer mean changes, where the mass depends on its length.
     """
 
     terms: tuple[Nuisance, ...]
     prior_std: Floats
     fit: PriorFit
+    states: States | None
     kinematics: Kinematics | None
     mean_samples: int
     motion: Equation
-    lag_shape_kg: float = 0.0
+    lag_shape_kg: Floats
     shifted: bool = True
-    averaging_kg: float = 0.0
+    averaging_share: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """How many masses there are."""
+        return self.fit.theta.size - 1 - len(self.terms)
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Viscous friction and its deviation, in N·s/m."""
+        return float(self.fit.theta[self.count]), float(self.fit.std[self.count])
+
+    @property
+    def posterior(self) -> tuple[Floats, Floats]:
+        """What the log says of the terms, (terms,), and the deviations."""
+        return self.fit.theta[self.count + 1 :], self.fit.std[self.count + 1 :]
 
     @property
     def lag_s(self) -> float:
         """How late the force is."""
-        return float(self.fit.theta[2 + _place("lag", self.terms)])
+        return float(self.posterior[0][_place("lag", self.terms)])
 
     @property
     def terms_t(self) -> dict[str, float]:
         """By term, how many deviations of what the log tells it is from 0."""
-        found = np.abs(self.fit.theta[2:]) / self.fit.std[2:]
+        value, std = self.posterior
+        found = np.abs(value) / std
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
-    def parts_kg(self) -> dict[str, float]:
-        """What the mass' standard uncertainty is made of, by cause."""
+    def main(self) -> int:
+        """The state that most manoeuvres are of."""
+        return 0 if self.states is None else int(np.bincount(self.states.of).argmax())
+
+    def weights(self, state: int, less: int | None = None) -> Floats:
+        """(masses,) that pick one mass, or its difference to another."""
+        out = np.zeros(self.count)
+        out[state] = 1.0
+        if less is not None:
+            out[less] -= 1.0
+        return out
+
+    def parts_kg(self, weights: Floats) -> dict[str, float]:
+        """What the standard uncertainty of a sum of masses is made of, by cause.
+
+        Args:
+            weights: (masses,) of each mass in the sum.
+        """
+        wide = np.concatenate([weights, np.zeros(self.fit.theta.size - self.count)])
+        fit = self.fit
+
+        def root(covariance: Floats) -> float:
+            return float(np.sqrt(max(float(wide @ covariance @ wide), 0.0)))
+
+        mass_kg = float(weights @ self.masses_kg)
         parts = {
-            "noise": float(np.sqrt(max(self.fit.noise[0, 0], 0.0))),
+            "noise": root(fit.noise),
             **{
-                term.name: abs(float(self.fit.responses[2 + i, 0]))
+                term.name: abs(float(fit.responses[self.count + 1 + i] @ wide))
                 for i, term in enumerate(self.terms)
             },
-            "channel_noise": abs(float(self.fit.doubt[0])),
-            "scatter": float(np.sqrt(max(self.fit.scatter[0, 0], 0.0))),
-            "misfit": float(np.sqrt(max(self.fit.misfit[0, 0], 0.0))),
-            "lag_shape": abs(self.lag_shape_kg) / 2.0,
-            "averaging": abs(self.averaging_kg),
+            "channel_noise": abs(float(fit.doubt @ wide)),
+            "scatter": root(fit.scatter),
+            "misfit": root(fit.misfit),
+            "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
+            "averaging": abs(self.averaging_share * mass_kg),
         }
         wheels = self.kinematics
         if wheels is not None:
             if self.motion.by_accelerometer:
-                parts["speed_delay"] = max(float(self.fit.theta[1]), 0.0) * wheels.delay_s[1]
+                friction = max(self.friction[0], 0.0)
+                parts["speed_delay"] = friction * wheels.delay_s[1] * abs(float(weights.sum()))
             # a wrong wheel radius is in the force, and in a speed's derivative once more
             times = 1.0 if self.motion.by_accelerometer else 2.0
             if wheels.gain_counts:
-                parts["gain"] = times * abs(wheels.gain[0] * self.mass_kg)
+                parts["gain"] = times * abs(wheels.gain[0] * mass_kg)
             elif self.corrects_gain:
-                parts["gain"] = wheels.gain_by_prior[1] * abs(self.mass_kg)
+                parts["gain"] = wheels.gain_by_prior[1] * abs(mass_kg)
         return parts
 
     @property
-    def mass_kg(self) -> float:
-        """The mass, what the speed's delay and the accelerometer's gain do to it taken off."""
+    def masses_kg(self) -> Floats:
+        """(masses,), what the speed's delay and the accelerometer's gain do to them taken off."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
             late = wheels.delay_s[0]
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
-        return (float(self.fit.theta[0]) - max(float(self.fit.theta[1]), 0.0) * late) / (1.0 + gain)
+        masses = self.fit.theta[: self.count]
+        return (masses - max(self.friction[0], 0.0) * late) / (1.0 + gain)
+
+    @property
+    def mass_kg(self) -> float:
+        """Of the state that most manoeuvres are of."""
+        return float(self.masses_kg[self.main])
 
     @property
     def corrects_gain(self) -> bool:
@@ -120,15 +172,18 @@ class JointFit:
 
     @property
     def u_kg(self) -> float:
-        """Its standard uncertainty by this log alone, without the scale."""
-        return float(np.sqrt(sum(part**2 for part in self.parts_kg.values())))
+        """That mass' standard uncertainty by this log alone, without the scale."""
+        parts = self.parts_kg(self.weights(self.main))
+        return float(np.sqrt(sum(part**2 for part in parts.values())))
 
 
-def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+def joint_fit(
+    motion: Equation, noise: NoiseOfColumns, priors: PriorSettings, states: States | None = None
+) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     wheels = kinematics(motion, noise, priors)
     terms = tuple(term for term in NUISANCES if term.applies(motion))
-    whole = _Task(motion, noise, priors, terms, wheels)
+    whole = _Task(motion, noise, priors, terms, wheels, states)
     part = replace(whole, motion=motion.beginning(_TRIED))
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
@@ -138,27 +193,27 @@ def joint_fit(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) ->
     # the shortest that is nearly as good: a long mean hides what the model misses
     best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
     samples = best.mean_samples
-    averaging_kg = _averaging_kg(first, lengths.index(samples))
-    moved = replace(whole.fitted(samples, _ROUNDS), averaging_kg=averaging_kg)
+    share = _averaging_share(first, lengths.index(samples))
+    moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:
         return moved
-    filtered = replace(whole.fitted(samples, 2, shift=False), averaging_kg=averaging_kg)
+    filtered = replace(whole.fitted(samples, 2, shift=False), averaging_share=share)
     filters = filtered.fit.residual_rms < moved.fit.residual_rms
     chosen, other = (filtered, moved) if filters else (moved, filtered)
     if not chosen.fit.misfit.any():
         return chosen
-    return replace(chosen, lag_shape_kg=chosen.mass_kg - other.mass_kg)
+    return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
 
 
-def _averaging_kg(by_length: list[JointFit], place: int) -> float:
-    """What the mean's length does to the mass, as a standard uncertainty; 0 where noise could."""
+def _averaging_share(by_length: list[JointFit], place: int) -> float:
+    """What the mean's length does to the mass, as a share of it; 0 where noise could."""
     best, longer = by_length[place], by_length[place + 1 :]
     if any(_differ(best, other) for other in longer):
         # anywhere between the two is as likely
-        return (longer[-1].mass_kg - best.mass_kg) / float(np.sqrt(3.0))
+        return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
     if not longer and place and _differ(best, by_length[place - 1]):
         # the longest has no other but the shorter, and may still be as far from the truth
-        return best.mass_kg - by_length[place - 1].mass_kg
+        return 1.0 - by_length[place - 1].mass_kg / best.mass_kg
     return 0.0
 
 
@@ -178,8 +233,31 @@ def again(
     found: JointFit, noise: NoiseOfColumns, priors: PriorSettings, extra: tuple[Nuisance, ...] = ()
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others."""
-    task = _Task(found.motion, noise, priors, (*found.terms, *extra), found.kinematics)
-    return task.fitted(found.mean_samples, 1, shift=found.shifted, begin=found)
+    terms = (*found.terms, *extra)
+    task = _Task(found.motion, noise, priors, terms, found.kinematics, found.states)
+    fitted = task.fitted(found.mean_samples, 1, shift=found.shifted, begin=found)
+    return replace(fitted, lag_shape_kg=found.lag_shape_kg, averaging_share=found.averaging_share)
+
+
+def with_states(
+    found: JointFit, noise: NoiseOfColumns, priors: PriorSettings, repeatability_kg: float | None
+) -> JointFit:
+    """Look for load states, and fit with a mass each, until nothing changes."""
+    number = np.unique(stretch_units(found.motion))
+    seen: set[bytes] = set()
+    for _ in range(_STATE_ROUNDS):
+        terms = found.terms
+        task = _Task(found.motion, noise, priors, terms, found.kinematics, found.states)
+        lag_s = found.lag_s if found.shifted else 0.0
+        units = task.units(found.mean_samples, lag_s, found.friction[0])
+        states = found_states(units, number, repeatability_kg)
+        if states.count == 1 and found.count == 1:
+            return again(replace(found, states=states), noise, priors)
+        found = joint_fit(found.motion, noise, priors, states)
+        if states.of.tobytes() in seen:
+            break
+        seen.add(states.of.tobytes())
+    return found
 
 
 @dataclass(frozen=True)
@@ -191,6 +269,7 @@ class _Task:
     priors: PriorSettings
     terms: tuple[Nuisance, ...]
     wheels: Kinematics | None
+    states: States | None
 
     def fitted(
         self, samples: int, rounds: int, *, shift: bool = True, begin: JointFit | None = None
@@ -201,15 +280,17 @@ class _Task:
         alone makes up for that (f + τ df/dt).
         """
         lag = _place("lag", self.terms)
-        wheels = self.wheels
-        slip_1_N = wheels.slip_1_N[0] if wheels is not None and wheels.goes_together else 0.0
         std = np.zeros(len(self.terms))
+        levels = None if self.states is None else self.states.levels(self.motion)
+        # behind the masses and friction
+        first = 2 if levels is None else levels.count + 1
         lag_s = begin.lag_s if begin and shift else 0.0
-        fitted = begin.fit if begin else None
+        fitted = None
+        friction = begin.friction[0] if begin else None
         for _ in range(rounds):
-            mean, std = self._priors(fitted)
+            mean, std = self._priors(friction)
             mean[lag] = -lag_s
-            rows = averages(self.motion, self.noise, self.terms, lag_s, samples, slip_1_N)
+            rows = averages(self.motion, self.noise, self.terms, lag_s, samples, self._slip())
             fitted = prior_fit.fit(
                 rows.A,
                 rows.f,
@@ -217,28 +298,59 @@ class _Task:
                 rows.noise,
                 np.concatenate([np.zeros(2), mean]),
                 np.concatenate([np.full(2, np.inf), std]),
-                rows.direction,
-                rows.shortest,
+                Grouping(rows.direction, rows.shortest, levels),
             )
-            found = float(fitted.theta[2 + lag])
+            friction = float(fitted.theta[first - 1])
+            found = float(fitted.theta[first + lag])
             if not np.isfinite(found):
                 break
             lag_s = float(np.clip(lag_s + found, -_LONGEST_LAG_S, _LONGEST_LAG_S)) if shift else 0.0
         assert fitted is not None
         theta = fitted.theta.copy()
         if shift:
-            theta[2 + lag] = lag_s
+            theta[first + lag] = lag_s
         fit = replace(fitted, theta=theta)
-        return JointFit(self.terms, std, fit, self.wheels, samples, self.motion, shifted=shift)
+        return JointFit(
+            self.terms,
+            std,
+            fit,
+            self.states,
+            self.wheels,
+            samples,
+            self.motion,
+            np.zeros(first - 1),
+            shifted=shift,
+        )
 
-    def _priors(self, fitted: PriorFit | None) -> tuple[Floats, Floats]:
+    def units(self, samples: int, lag_s: float, friction: float) -> Units:
+        """What each manoeuvre says of its mass, at the lag that was found."""
+        mean, std = self._priors(friction)
+        lag = _place("lag", self.terms)
+        mean[lag] = -lag_s
+        rows = averages(self.motion, self.noise, self.terms, lag_s, samples, self._slip())
+        return units_of(
+            rows.A,
+            rows.f,
+            rows.group,
+            rows.noise,
+            np.append(0.0, mean),
+            np.append(np.inf, std),
+            np.unique(stretch_units(self.motion), return_inverse=True)[1],
+        )
+
+    def _slip(self) -> float:
+        """What share of its speed a newton makes the wheels slip."""
+        wheels = self.wheels
+        return wheels.slip_1_N[0] if wheels is not None and wheels.goes_together else 0.0
+
+    def _priors(self, friction: float | None) -> tuple[Floats, Floats]:
         """Means and widths; those of slip once friction is known: it costs friction · slip."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if fitted is None:
+        if friction is None:
             return mean, std
         at = _place("slip", self.terms)
-        friction = max(float(fitted.theta[1]), 0.0)
+        friction = max(friction, 0.0)
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
         std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)
         if self.wheels is not None and self.wheels.goes_together:

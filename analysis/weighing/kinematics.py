@@ -17,7 +17,8 @@ from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns, g
 from analysis.weighing.nuisances import const_width
 from estimators import prior_fit
 from estimators.fit_loss import group_rows
-from estimators.prior_fit import NoiseMoments
+from estimators.group_sums import NoiseMoments
+from estimators.prior_fit import Grouping
 
 #: Means of so many samples are compared, and manoeuvres shorter than ten of them are not.
 _MEAN: Final = 10
@@ -29,7 +30,7 @@ _WIDE_GAIN: Final = 0.3
 _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
 #: Slip and ground speed, found in turn.
-_PASSES: Final = 3
+_PASSES: Final = 2
 #: Of its speed, no wheel that weighs slips more.
 _MOST_SLIP: Final = 0.4
 #: Pitch and acceleration that correlate so well are a squat.
@@ -110,20 +111,24 @@ def _compared(
     def solved(rows: _Rows, gain_std: float, slip_1_N: float) -> prior_fit.PriorFit:
         offset = slip_1_N * const_width(motion, priors)
         widths = np.array([gain_std, slip_std, priors.speed_delay_s, offset])
-        return prior_fit.fit(*rows, np.zeros(4), widths, shortest=10 * _MEAN // _EVERY)
+        told = Grouping(shortest=10 * _MEAN // _EVERY)
+        return prior_fit.fit(*rows, np.zeros(4), widths, told)
 
-    slip_1_N, about, largest = 0.0, slip_std, _MOST_SLIP / motion.largest_force
+    rows = _rows(measured, motion, noise, 0.0)
+    if rows is None:
+        return None
+    wide = solved(rows, _WIDE_GAIN, slip_std)
+    largest = _MOST_SLIP / motion.largest_force
     for _ in range(_PASSES):
         # the slip is of the ground's speed, and an offset matters by what slip there is
-        rows = _rows(measured, motion, noise, slip_1_N)
-        if rows is None:
-            return None
-        wide = solved(rows, _WIDE_GAIN, about)
         slip_1_N = float(np.clip(wide.theta[1], -largest, largest))
+        rows = _rows(measured, motion, noise, slip_1_N) or rows
         about = abs(slip_1_N) + float(wide.std[1])
+        wide = solved(rows, _WIDE_GAIN, about)
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
+    about = abs(float(wide.theta[1])) + float(wide.std[1])
     counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
     found = wide if counts else solved(rows, priors.gain, about)
     values = list(zip(found.theta[:3].tolist(), found.std[:3].tolist(), strict=True))

@@ -1,4 +1,6 @@
-"""The answer as frames: the loads, the nuisances with prior and posterior, the budget."""
+"""The answer as frames: loads and manoeuvres, nuisances with prior and posterior, the budget."""
+
+from typing import Final
 
 import numpy as np
 import polars as pl
@@ -7,61 +9,203 @@ from analysis.check import Verdict
 from analysis.machine import Machine
 from analysis.schema import FRAMES, build
 from analysis.weighing.budget import budget, combined, unknown_scale
+from analysis.weighing.equation import Floats
+from analysis.weighing.joint_fit import JointFit
+from analysis.weighing.states import States
 from analysis.weighing.weigh import Weighing
+
+#: The lightest state is empty when its mass is the machine's within so many uncertainties,
+_ALIKE: Final = 2.0
+#: and the uncertainty no more than this share of it.
+_KNOWN: Final = 0.03
 
 
 def loads(
     weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine, verdict: Verdict
 ) -> pl.DataFrame:
-    """Make `loads`: one load, the whole log's.
+    """Make `loads`: a row a load state.
 
     Args:
         weighing: the joint fit; None where nothing could be fitted.
         excitation: for its times.
-        machine: empty mass, budget.
+        machine: empty mass, budget, limits.
         verdict: what it forbids is withheld.
     """
     if weighing is None:
         return _no_load(verdict)
-    fit, body = weighing.fit, machine.machine
-    sources = budget(weighing, machine)
+    fit = weighing.fit
+    times = _times(fit, excitation)
+    empty = empty_state(weighing, times, machine)
+    rows = [
+        _load(weighing, state, empty, times[state], machine, verdict) for state in range(fit.count)
+    ]
+    said = pl.Series("said", [_said(fit, machine)] * len(rows))
+    return build("loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said})
+
+
+def _times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
+    """When each state begins and ends."""
+    states = fit.states
+    assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    mass_kg, u_kg = net_mass_kg(weighing, machine), combined(sources)
-    told = verdict.can_weigh and bool(np.isfinite([mass_kg, u_kg]).all())
-    empty_kg = body.empty_mass_kg
+    of = states.of[np.searchsorted(states.unit, fit.motion.unit[used])]
+    inside = (used[of == state] for state in range(fit.count))
+    return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
+
+
+def empty_state(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> int | None:
+    """The state of this log that carries nothing; None where there is none, or no telling.
+
+    Where `settings.loads` says when the machine was empty, the state that most of that time is of.
+    Else the lightest of several, if its mass is the machine's own as far as both are known, and
+    known well enough that a load would show.
+    """
+    fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
+    if settings.empty_from_s is not None and settings.empty_to_s is not None:
+        first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
+        shared = [min(last, end) - max(first, begin) for begin, end in times]
+        most = int(np.argmax(shared))
+        return most if shared[most] > 0 else None
+    if fit.count < 2 or body.empty_mass_kg is None:
+        return None
+    lightest = int(np.argmin(fit.masses_kg))
+    apart_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
+    u_kg = combined(budget(weighing, machine, fit.weights(lightest)))
+    u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
+    alike = apart_kg <= _ALIKE * u_kg and u_kg <= _KNOWN * body.empty_mass_kg
+    return lightest if alike else None
+
+
+def _load(
+    weighing: Weighing,
+    state: int,
+    empty: int | None,
+    times: tuple[int, int],
+    machine: Machine,
+    verdict: Verdict,
+) -> dict[str, object]:
+    fit, body, states = weighing.fit, machine.machine, weighing.fit.states
+    assert states is not None
+    sources = budget(weighing, machine, fit.weights(state))
+    mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
+    u_kg = combined(sources)
     withheld = [check.check for check in verdict.failed("mass")]
+    if not np.isfinite([mass_kg, u_kg]).all():
+        withheld.append("the fit has no number")
+    elif combined(sources, "random", "common") > machine.settings.verdict.relative_std_max * abs(
+        mass_kg
+    ):
+        withheld += ["relative_u"] if "relative_u" not in withheld else []
+    payload = _payload(weighing, state, empty, machine)
+    friction = fit.friction
     numbers = {
         "mass_kg": mass_kg,
         "u_kg": u_kg,
         "u_random_kg": combined(sources, "random"),
         "u_common_kg": combined(sources, "common", "scale"),
-        "payload_kg": np.nan if empty_kg is None else mass_kg - empty_kg,
-        "payload_u_kg": np.nan
-        if empty_kg is None
-        else float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0)),
-        "friction_x_N_s_m": float(fit.fit.theta[1]),
-        "friction_x_std_N_s_m": float(fit.fit.std[1]),
-        "mass_halved_priors_kg": weighing.halved_kg - body.rotating_mass_kg,
-        "mass_doubled_priors_kg": weighing.doubled_kg - body.rotating_mass_kg,
+        **payload,
+        "friction_x_N_s_m": friction[0],
+        "friction_x_std_N_s_m": friction[1],
+        "mass_halved_priors_kg": float(weighing.halved_kg[state]) - body.rotating_mass_kg,
+        "mass_doubled_priors_kg": float(weighing.doubled_kg[state]) - body.rotating_mass_kg,
     }
+    return {
+        "load_id": state,
+        "start_t_ns": times[0],
+        "end_t_ns": times[1],
+        "manoeuvres": int((states.of == state).sum()),
+        **{name: None if withheld else value for name, value in numbers.items()},
+        "payload_to": None if withheld or empty == state else empty,
+        "scatter_kg": states.scatter_kg if states.freedom > 0 and not withheld else None,
+        "scatter_known": states.scatter_known,
+        "mean_samples": fit.mean_samples,
+        "braking_left_out": weighing.braking_left_out,
+        "scale_unknown": ", ".join(unknown_scale(sources)),
+        "withheld": bool(withheld),
+        "withheld_for": ", ".join(withheld),
+    }
+
+
+def _payload(
+    weighing: Weighing, state: int, empty: int | None, machine: Machine
+) -> dict[str, float | None]:
+    """Payload and its uncertainty: to an empty state, or to the machine's empty mass."""
+    fit, body = weighing.fit, machine.machine
+    names = ("payload_kg", "payload_u_kg", "payload_u_random_kg")
+    if empty is not None:
+        weights = fit.weights(state, empty)
+        sources = budget(weighing, machine, weights)
+        numbers = (
+            float(weights @ fit.masses_kg),
+            combined(sources),
+            combined(sources, "random"),
+        )
+        return dict(zip(names, numbers if empty != state else (0.0, 0.0, 0.0), strict=True))
+    if body.empty_mass_kg is None:
+        return dict.fromkeys(names)
+    sources = budget(weighing, machine, fit.weights(state))
+    mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
+    u_kg = float(np.hypot(combined(sources), body.empty_mass_u_kg or 0.0))
+    return dict(
+        zip(names, (mass_kg - body.empty_mass_kg, u_kg, combined(sources, "random")), strict=True)
+    )
+
+
+def _said(fit: JointFit, machine: Machine) -> str:
+    """What a reader must know of the states, beside every number."""
+    states = fit.states
+    assert states is not None
+    said: list[str] = []
+    if states.other is not None:
+        others = int(states.other.max()) + 1
+        readings = sorted(
+            [(fit.count, states.scatter_kg), (others, states.other_scatter_kg)],
+            key=lambda reading: reading[0],
+        )
+        texts = [
+            f"{count} {'load' if count == 1 else 'loads'} with manoeuvres that scatter by "
+            f"{scatter_kg:.3g} kg"
+            for count, scatter_kg in readings
+        ]
+        said.append(
+            f"states or scatter: {texts[0]}, or {texts[1]}; one load with a probability of "
+            f"{states.single_probability:.0%}"
+        )
+    if machine.machine.repeatability_kg is None and not states.scatter_known:
+        said.append("repeatability unknown: too few manoeuvres tell how they scatter")
+    return "; ".join(said)
+
+
+def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.DataFrame:
+    """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself."""
+    if weighing is None or weighing.fit.states is None:
+        return _empty("manoeuvres")
+    fit, states = weighing.fit, weighing.fit.states
+    t_ns = excitation["t_ns"].to_numpy()
+    used = np.flatnonzero(fit.motion.used)
+    place = np.searchsorted(states.unit, fit.motion.unit[used])
+    first = np.flatnonzero(np.append(True, np.diff(place) > 0))
+    last = np.append(first[1:] - 1, place.size - 1)
+    # the nuisances that the answer took off have its bias as well
+    shift_kg = fit.masses_kg - _mean_levels(states)
     return build(
-        "loads",
+        "manoeuvres",
         {
-            "load_id": pl.Series([0]),
-            "start_t_ns": pl.Series([int(t_ns[used[0]])]),
-            "end_t_ns": pl.Series([int(t_ns[used[-1]])]),
-            "manoeuvres": pl.Series([int(fit.motion.group.max()) + 1]),
-            **{name: np.array([value if told else np.nan]) for name, value in numbers.items()},
-            "mean_samples": pl.Series([fit.mean_samples]),
-            "braking_left_out": pl.Series([weighing.braking_left_out]),
-            "scale_unknown": pl.Series([", ".join(unknown_scale(sources))]),
-            "withheld": pl.Series([not told]),
-            "withheld_for": pl.Series(
-                ["" if told else ", ".join(withheld) or "the fit has no number"]
-            ),
+            "load_id": states.of,
+            "start_t_ns": t_ns[used[first]],
+            "end_t_ns": t_ns[used[last]],
+            "mass_kg": states.level_kg + shift_kg[states.of],
+            "mass_std_kg": states.std_kg,
         },
     )
+
+
+def _mean_levels(states: States) -> Floats:
+    """The mass of each state by its manoeuvres."""
+    weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
+    total = np.bincount(states.of, weights=weight)
+    return np.bincount(states.of, weights=weight * states.level_kg) / total
 
 
 def _no_load(verdict: Verdict) -> pl.DataFrame:
@@ -73,14 +217,11 @@ def _no_load(verdict: Verdict) -> pl.DataFrame:
         "scale_unknown": "",
         "withheld": not verdict.can_weigh,
         "withheld_for": "no manoeuvre of this log was informative enough",
+        "scatter_known": False,
+        "said": "",
     }
     columns = FRAMES["loads"].columns
     return build("loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns})
-
-
-def net_mass_kg(weighing: Weighing, machine: Machine) -> float:
-    """The mass without what only turns."""
-    return weighing.fit.mass_kg - machine.machine.rotating_mass_kg
 
 
 def nuisances(weighing: Weighing | None) -> pl.DataFrame:
@@ -88,37 +229,44 @@ def nuisances(weighing: Weighing | None) -> pl.DataFrame:
     if weighing is None:
         return _empty("nuisances")
     fit = weighing.fit
+    parts_kg = fit.parts_kg(fit.weights(fit.main))
     return build(
         "nuisances",
         {
             "term": pl.Series([term.name for term in fit.terms]),
             "unit": pl.Series([term.unit for term in fit.terms]),
             "prior_std": fit.prior_std,
-            "posterior": fit.fit.theta[2:],
-            "posterior_std": fit.fit.std[2:],
-            "u_kg": np.abs(fit.fit.responses[2:, 0]),
+            "posterior": fit.posterior[0],
+            "posterior_std": fit.posterior[1],
+            "u_kg": np.array([parts_kg[term.name] for term in fit.terms]),
             "meaning": pl.Series([term.meaning for term in fit.terms]),
         },
     )
 
 
 def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
-    """Make `budget`: a row a source."""
+    """Make `budget`: a row a load and source."""
     if weighing is None:
         return _empty("budget")
-    sources = budget(weighing, machine)
+    fit = weighing.fit
+    rows = [_sources(weighing, machine, state) for state in range(fit.count)]
+    return build("budget", pl.concat(rows).to_dict())
+
+
+def _sources(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
+    sources = budget(weighing, machine, weighing.fit.weights(state))
     total = combined(sources)
     u_kg = np.array([np.nan if source.u_kg is None else source.u_kg for source in sources])
-    return build(
-        "budget",
+    return pl.DataFrame(
         {
-            "cause": pl.Series([source.name for source in sources]),
-            "kind": pl.Series([source.kind for source in sources]),
+            "load_id": np.full(u_kg.size, state),
+            "cause": [source.name for source in sources],
+            "kind": [source.kind for source in sources],
             "u_kg": u_kg,
             "share_1": u_kg**2 / total**2 if total else u_kg * np.nan,
-            "meaning": pl.Series([source.meaning for source in sources]),
-            "shrinks": pl.Series([source.shrinks for source in sources]),
-        },
+            "meaning": [source.meaning for source in sources],
+            "shrinks": [source.shrinks for source in sources],
+        }
     )
 
 

@@ -11,7 +11,7 @@ from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
-from analysis.weighing.joint_fit import JointFit, again, joint_fit
+from analysis.weighing.joint_fit import JointFit, again, joint_fit, with_states
 from analysis.weighing.nuisances import CURVATURE
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
@@ -55,8 +55,8 @@ class Weighing:
 
     Attributes:
         fit: of the answer.
-        halved_kg: the mass with priors half as wide.
-        doubled_kg: the mass with priors twice as wide.
+        halved_kg: (masses,) with priors half as wide.
+        doubled_kg: (masses,) with priors twice as wide.
         braking_kg: by how much braking would move the mass; NaN where it does not count as driving.
         braking_left_out: whether it disagreed and is left out.
         braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
@@ -65,8 +65,8 @@ class Weighing:
     """
 
     fit: JointFit
-    halved_kg: float
-    doubled_kg: float
+    halved_kg: Floats
+    doubled_kg: Floats
     braking_kg: float
     braking_left_out: bool
     braking_doubted: bool
@@ -122,15 +122,19 @@ def weigh(
     def motion(*, braking: bool) -> Equation:
         return equation(aligned, excitation, gated, machine, columns, braking=braking)
 
+    def of_states(motion: Equation) -> JointFit:
+        pilot = joint_fit(motion, columns, priors)
+        return with_states(pilot, columns, priors, machine.machine.repeatability_kg)
+
     whole = motion(braking=True)
     if whole.used.sum() < _FEWEST:
         return None
-    fit = joint_fit(whole, columns, priors)
+    fit = of_states(whole)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = motion(braking=False)
         if driving.used.sum() >= _FEWEST:
-            alone = joint_fit(driving, columns, priors)
+            alone = of_states(driving)
             # driving that its own model does not fit is no witness against braking
             if not curvature(alone, columns, priors).shows:
                 braking_kg = fit.mass_kg - alone.mass_kg
@@ -142,8 +146,8 @@ def weigh(
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
     return Weighing(
         fit,
-        halved.mass_kg,
-        doubled.mass_kg,
+        halved.masses_kg,
+        doubled.masses_kg,
         braking_kg,
         left_out,
         doubted,
@@ -154,11 +158,8 @@ def weigh(
 def curvature(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Curvature:
     """Fit once more with a term in a·|a|."""
     curved = again(fit, noise, priors, (CURVATURE,)).fit
-    return Curvature(
-        float(curved.theta[-1] / curved.std[-1]),
-        float(curved.theta[0] - fit.fit.theta[0]),
-        fit.mass_kg,
-    )
+    moved = float(curved.theta[fit.main] - fit.fit.theta[fit.main])
+    return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 
 def _derived_from_speed(machine: Machine) -> bool:

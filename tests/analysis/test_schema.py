@@ -64,12 +64,12 @@ def test_a_name_means_the_same_unit_and_dtype_in_every_frame():
 
 def test_a_name_says_the_dtype():
     whole = ("segment_id", "samples", "samples_accepted", "rows", "rows_z", "runs", "rank", "lag")
-    whole += ("load_id", "manoeuvres", "mean_samples")
+    whole += ("load_id", "manoeuvres", "mean_samples", "payload_to")
     words = ("kind", "identifiable", "combinations", "method", "check", "about", "meaning")
     words += ("first", "second", "consequence", "remedy", "scale_unknown", "withheld_for")
-    words += ("term", "unit", "cause", "shrinks")
+    words += ("term", "unit", "cause", "shrinks", "said")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
-    truths += ("braking_left_out",)
+    truths += ("braking_left_out", "scatter_known")
     dtypes = {
         **dict.fromkeys(whole, pl.Int64),
         **dict.fromkeys(words, pl.String),

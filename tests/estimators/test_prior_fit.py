@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from estimators.prior_fit import NoiseMoments, fit, noise_moments
+from estimators.group_sums import NoiseMoments, noise_moments
+from estimators.prior_fit import Grouping, fit
 
 FREE = np.inf
 TRUTH = np.array([3600.0, 2900.0])
@@ -280,7 +281,7 @@ class TestWhatWidens:
         shape = np.tile(60.0 * np.sin(np.linspace(0.0, 12.0, SAMPLES)), STARTS)
         believed = prior(FREE, FREE, *WIDTHS)
         A, f = A * sign[:, None], f * sign + sign * shape
-        seen = fit(A, f, GROUP, None, *believed, direction=sign)
+        seen = fit(A, f, GROUP, None, *believed, Grouping(direction=sign))
         unseen = fit(A, f, GROUP, None, *believed)
         assert seen.misfit.any()
         assert seen.misfit_ratio > 2.0 > unseen.misfit_ratio
@@ -299,7 +300,7 @@ class TestWhatWidens:
 
     def test_stretches_too_short_to_tell_are_fitted_and_not_counted(self):
         A, f, _ = drawn(11)
-        found = fit(A, f, GROUP, None, *prior(FREE, FREE, *WIDTHS), shortest=SAMPLES + 1)
+        found = fit(A, f, GROUP, None, *prior(FREE, FREE, *WIDTHS), Grouping(shortest=SAMPLES + 1))
         assert found.groups == 0
         assert not found.scatter.any()
         assert np.isfinite(found.std).all()

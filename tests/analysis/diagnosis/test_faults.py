@@ -93,7 +93,7 @@ FAULTS = {
     "braking": lambda: weighed({}, BRAKING_AS_DRIVING),
     "channel_noise": lambda: situation("force clipped"),
     "relative_u": lambda: situation("digging"),
-    "scatter": lambda: situation("frozen IMU"),
+    "scatter": lambda: situation("250 kg more at every second start"),
     "methods": lambda: situation("Coulomb friction 300 N", rich=True),
     "gated": lambda: situation("speed late 30 ms"),
     "const": lambda: situation("force offset +300 N", rich=True),

@@ -9,6 +9,9 @@ from analysis.weighing.loads import budget_frame, loads, nuisances
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed
 
+#: The mass of the one load.
+ONE = np.ones(1)
+
 
 @pytest.fixture(scope="module")
 def log() -> Weighed:
@@ -23,7 +26,8 @@ def with_body(log, **known):
 
 def u_of(log, **known):
     """What each source contributes, in kg."""
-    return {each.name: each.u_kg for each in budget(log.weighing, with_body(log, **known))}
+    sources = budget(log.weighing, with_body(log, **known), ONE)
+    return {each.name: each.u_kg for each in sources}
 
 
 def the_load(log, verdict=WEIGHS, **known):
@@ -53,13 +57,13 @@ class TestScale:
         assert the_load(log)["scale_unknown"] == "force_gain, force_share, wheel_radius"
         told = {"force_gain_u": 0.01, "force_share_u": 0.005, "wheel_radius_u_m": 0.001}
         assert the_load(log, **told)["scale_unknown"] == ""
-        some = budget(log.weighing, with_body(log, force_gain_u=0.0))
+        some = budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
         assert "force_gain" not in unknown_scale(some)
 
     def test_a_whole_force_has_no_share_and_no_wheels_that_must_be_known(self, log):
         channels = {"force_x_N": log.machine.channels["torque_left_N_m"], **log.machine.channels}
         machine = with_body(log, force_share=1.0).model_copy(update={"channels": channels})
-        assert unknown_scale(budget(log.weighing, machine)) == ["force_gain"]
+        assert unknown_scale(budget(log.weighing, machine, ONE)) == ["force_gain"]
 
 
 class TestBody:
@@ -100,7 +104,7 @@ class TestFrames:
     def test_random_and_common_parts_are_the_whole(self, log):
         load = log.load
         assert np.hypot(load["u_random_kg"], load["u_common_kg"]) == pytest.approx(load["u_kg"])
-        sources = budget(log.weighing, log.machine)
+        sources = budget(log.weighing, log.machine, ONE)
         assert combined(sources) == pytest.approx(load["u_kg"])
         assert {each.kind for each in sources} == {"random", "common", "scale"}
 

@@ -1,0 +1,172 @@
+"""Load states: which manoeuvres carry one load, and how they scatter about it.
+
+A manoeuvre's mass is what it says once the nuisances that all manoeuvres share are taken off.
+A load changes between manoeuvres, where the machine stood.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from analysis.weighing.equation import Equation, Floats, Ints
+from estimators.changepoints import Partitions, Units, partitions
+from estimators.prior_fit import Levels
+
+#: A load is anything up to this share of the machine's mass (rated loads of loaders are).
+_LARGEST_LOAD: Final = 1.0 / 3.0
+#: Gains drift by about so much over a log, which is no change of load.
+_DRIFT: Final = 0.02
+#: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
+FEWEST_FREEDOM: Final = 4
+#: Of the two readings one is doubted when it is less probable than the first and more than this.
+_DOUBTED: Final = 0.05
+_ROUNDS: Final = 60
+#: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations.
+_DISAGREE: Final = 5.0
+
+
+@dataclass(frozen=True)
+class States:
+    """Which load each manoeuvre carries.
+
+    Attributes:
+        unit: (units,) numbers of the manoeuvres, as the samples have them, ascending.
+        of: (units,) the load state of each, from 0 on in time.
+        level_kg: (units,) mass that each says, the nuisances taken off.
+        std_kg: (units,) its deviation by the manoeuvre alone.
+        scatter_kg: standard deviation of manoeuvres about their state.
+        freedom: degrees of freedom that tell it; infinite where the machine file does.
+        birge_ratio: deviation from manoeuvre to manoeuvre over that of each alone; NaN where there
+            is nothing to compare.
+        single_probability: how probable it is that there is one state.
+        other: (units,) the other reading, where the log cannot tell; else None.
+        other_scatter_kg: its scatter.
+    """
+
+    unit: Ints
+    of: Ints
+    level_kg: Floats
+    std_kg: Floats
+    scatter_kg: float
+    freedom: float
+    birge_ratio: float
+    single_probability: float = 1.0
+    other: Ints | None = None
+    other_scatter_kg: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """How many states there are."""
+        return int(self.of.max()) + 1
+
+    @property
+    def scatters(self) -> bool:
+        """Whether manoeuvres disagree by more than chance lets them."""
+        if not 0 < self.freedom < np.inf:
+            return self.scatter_kg > float(np.median(self.std_kg))
+        return self.birge_ratio**2 > 1.0 + _DISAGREE * float(np.sqrt(2.0 / self.freedom))
+
+    @property
+    def scatter_known(self) -> bool:
+        """Whether the scatter is more than a guess."""
+        return self.freedom >= FEWEST_FREEDOM
+
+    def levels(self, motion: Equation) -> Levels:
+        """The states of a motion's stretches; it may have fewer manoeuvres than were judged."""
+        unit = stretch_units(motion)
+        place = np.searchsorted(self.unit, unit).clip(0, self.unit.size - 1)
+        _, of = np.unique(self.of[place], return_inverse=True)
+        _, number = np.unique(unit, return_inverse=True)
+        scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
+        return Levels(of, number, scatter_kg, self.freedom)
+
+
+def stretch_units(motion: Equation) -> Ints:
+    """The manoeuvre of each stretch, (stretches,)."""
+    first = np.flatnonzero(motion.used & (np.append(-1, motion.group[:-1]) != motion.group))
+    return motion.unit[first]
+
+
+def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> States:
+    """Find the states.
+
+    Args:
+        units: what each manoeuvre says.
+        number: (units,) of the manoeuvres.
+        repeatability_kg: how manoeuvres of one load scatter, where the machine file knows.
+    """
+    typical_kg = float(np.median(np.abs(units.y)))
+    found = partitions(
+        _with_drift(units, _DRIFT * typical_kg), _LARGEST_LOAD * typical_kg, repeatability_kg
+    )
+    chosen = _chosen(found, repeatability_kg)
+    best = found.best if chosen else found.single
+    other = found.single if chosen else found.best
+    # what drifts within a state is scatter of it
+    shared = units.x.shape[1]
+    level_kg = units.y - units.x @ best.effects[:shared]
+    scatter_kg, freedom, ratio = _scatter(level_kg, units.variance, best.state)
+    if repeatability_kg is not None:
+        scatter_kg, freedom = repeatability_kg, np.inf
+    states = States(
+        number,
+        best.state,
+        level_kg,
+        np.sqrt(units.variance),
+        scatter_kg,
+        freedom,
+        ratio,
+        found.single_probability,
+    )
+    probability = found.single_probability
+    if other is best or not _DOUBTED < probability < 1.0 - _DOUBTED:
+        return states
+    other_kg, _, _ = _scatter(
+        units.y - units.x @ other.effects[:shared], units.variance, other.state
+    )
+    return replace(states, other=other.state, other_scatter_kg=other_kg)
+
+
+def _with_drift(units: Units, width_kg: float) -> Units:
+    """The same with one more shared effect: a mass that drifts over the log."""
+    progress = np.linspace(-0.5, 0.5, units.y.size)
+    r = units.x.shape[1]
+    gram = np.zeros((r + 1, r + 1))
+    gram[:r, :r] = units.gram
+    gram[r, r] = width_kg**-2.0
+    return replace(
+        units,
+        x=np.column_stack([units.x, progress]),
+        gram=gram,
+        cross=np.append(units.cross, 0.0),
+    )
+
+
+def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:
+    """Whether the most probable partition is taken, or one state where nothing can tell."""
+    few = found.best.state.size - found.best.states < FEWEST_FREEDOM
+    doubted = found.single_probability > _DOUBTED
+    return repeatability_kg is not None or not (few and doubted)
+
+
+def _scatter(level: Floats, variance: Floats, state: Ints) -> tuple[float, float, float]:
+    """Scatter about the states (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
+    freedom = level.size - int(state.max()) - 1
+    if freedom < 1:
+        return 0.0, 0.0, float("nan")
+
+    def excess(tau: float) -> float:
+        weight = 1.0 / (variance + tau**2)
+        total = np.bincount(state, weights=weight)
+        mean = np.bincount(state, weights=weight * level) / total
+        return float(weight @ (level - mean[state]) ** 2) / freedom
+
+    ratio = float(np.sqrt(excess(0.0)))
+    if ratio <= 1.0:
+        return 0.0, float(freedom), ratio
+    low, high = 0.0, float(np.ptp(level)) + 1e-9
+    for _ in range(_ROUNDS):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if excess(middle) > 1.0 else (low, middle)
+    return high, float(freedom), ratio
