@@ -19,7 +19,7 @@ _ABOUT: Final = ("method", "rows", "rows_z", "withheld", "withheld_z")
 
 @dataclass(frozen=True, slots=True)
 class AnswerRow:
-    """What is said of one load: today the whole log.
+    """What the methods say of the whole log; of the joint fit where the log has one load.
 
     Attributes:
         quantities: by name and unit (`mass_kg`, `mass_std_kg`, …), then by method; None where it is
@@ -76,7 +76,7 @@ class Answer:
     """What a run says, and what it is worth.
 
     Attributes:
-        rows: a row a load; one today, none of a run without masses.
+        rows: of the whole log; none of a run without masses.
         loads: the answer by load: mass, payload and their uncertainties, or the reason for none.
         nuisances: what the fit allows besides mass and friction: prior and posterior.
         budget: where the uncertainty comes from, the largest first.
@@ -102,11 +102,13 @@ class Answer:
     recording: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain JSON values; the quantities of one load stand at the top."""
+        """The same as plain JSON values; a mass of the log is there where it has one load."""
         one = self.rows[0].quantities if len(self.rows) == 1 else {}
+        several = {"no_mass_for": f"{len(self.loads)} loads"} if len(self.loads) > 1 else {}
         return {
             "loads": [dict(row) for row in self.loads],
             **{name: dict(by_method) for name, by_method in one.items()},
+            **several,
             "nuisances": [dict(row) for row in self.nuisances],
             "budget": [dict(row) for row in self.budget],
             "planar": [dict(row) for row in self.planar],
@@ -130,8 +132,9 @@ def answer(run: Run, recording: str | None = None) -> Answer:
         window = about.settings.gate.window_samples
         share = float(samples_of(gated["accepted_x"].to_numpy(), window).mean())
     loads = _rows(run, "loads")
+    one = loads[0] if len(loads) == 1 else None
     return Answer(
-        rows=() if masses is None else (AnswerRow.of(masses, next(iter(loads), None)),),
+        rows=() if masses is None else (AnswerRow.of(masses, one),),
         loads=loads,
         nuisances=_rows(run, "nuisances"),
         budget=_rows(run, "budget"),

@@ -202,8 +202,13 @@ def _rows(replay: Replay, stage: str) -> list[dict[str, Any]]:
 
 
 def _estimates(a: Replay, b: Replay, rtol: float) -> tuple[EstimateChange, ...]:
-    """The masses of the whole log, by method."""
+    """The masses of the whole log, by method, and those of its loads."""
     mine, theirs = ({row["method"]: row for row in _rows(each, "masses")} for each in (a, b))
+    for replay, rows in ((a, mine), (b, theirs)):
+        loads = _rows(replay, "loads")
+        for load in loads:
+            name = "joint" if len(loads) == 1 else f"joint, load {load['load_id']}"
+            rows[name] = {**load, "mass_std_kg": load["u_kg"]}
     methods = dict.fromkeys((*mine, *theirs))
     return _moved(((name, mine.get(name, {}), theirs.get(name, {})) for name in methods), rtol)
 

@@ -21,6 +21,10 @@ _KEYS: Final = {
     "segments": ("start_t_ns",),
     "planar": ("kind", "start_t_ns"),
     "masses": ("method",),
+    "loads": ("load_id",),
+    "manoeuvres": ("start_t_ns",),
+    "nuisances": ("term",),
+    "budget": ("load_id", "cause"),
     "verdict": ("check",),
     "calibration": ("method", "load_kg"),
 }

@@ -25,23 +25,27 @@ import typer
 from benchmarks.honesty_rows import (
     CLEAN,
     INSIDE,
+    LOADS,
     NARROW,
     POWER,
     ROWS,
     WIDTHS,
     Task,
     clean_tasks,
+    load_tasks,
     log,
     power_tasks,
     row_tasks,
     width_tasks,
 )
 from benchmarks.page import markdown, put
-from benchmarks.weighed import Weighed
+from benchmarks.weighed import LoadsFound, Weighed
 from estimators.errors import PayscopeError
 
 #: Of logs of a power-limited motor, a seed of the rows.
 POWER_LOGS = 20
+#: Of machines whose load changes, likewise.
+LOAD_LOGS = 6
 HEAD = ["row", "logs", "withheld", "wrong", "within 2 u", "median error ± median u, kg"]
 
 
@@ -192,6 +196,32 @@ def of_power(found: list[Weighed]) -> str:
     return markdown([POWER, ""], lines)
 
 
+def of_loads(found: list[Weighed]) -> str:
+    """States, masses and payloads of machines whose load changes."""
+    lines: list[list[str]] = []
+    for name in LOADS:
+        part = [each.loads for each in found if each.row == name and each.loads is not None]
+        if not part:
+            continue
+        right, count = sum(p.right for p in part), sum(p.found + p.true for p in part)
+        masses = np.array([z for p in part for z in p.deviations])
+        payloads = np.array([z for p in part for z in p.payload_deviations])
+        widths = [u for p in part for u in p.payload_u_kg]
+        lines.append(
+            [
+                name,
+                str(len(part)),
+                f"{2.0 * right / count:.3f}" if count else "–",
+                percent(float((np.abs(masses) < 1.96).sum()), masses.size),
+                percent(float((np.abs(payloads) < 1.96).sum()), payloads.size),
+                f"{np.sqrt(np.mean(payloads**2)):.2f}" if payloads.size else "–",
+                f"{np.median(widths):.1f}" if widths else "–",
+            ]
+        )
+    head = ["loads that change", "logs", "F1 of changes", "mass held", "payload held"]
+    return markdown([*head, "r.m.s. payload error / u", "median payload u, kg"], lines)
+
+
 def mixed(*kinds: Iterable[Task]) -> list[Task]:
     """All tasks, so that whatever is done of them is done of all kinds alike."""
     placed: list[tuple[float, int, Task]] = []
@@ -233,6 +263,8 @@ def kept_answers(path: Path) -> list[Weighed]:
     for text in path.read_text(encoding="utf-8").splitlines():
         content = json.loads(text)
         del content["deviations"]
+        if content.get("loads"):
+            content["loads"] = LoadsFound(**content["loads"])
         found.append(Weighed(**content))
     return found
 
@@ -242,13 +274,22 @@ def shown(found: list[Weighed], *, write: bool) -> None:
     in_rows = [each for each in found if each.row in ROWS]
     table, totals = of_rows(in_rows)
     clean, power_table = f"{of_clean(found)}\n\n{of_widths(found)}", of_power(found)
-    above = worst(in_rows)
-    print(table, totals, f"more than 3 of 20 wrong:\n{above}", clean, power_table, sep="\n\n")
+    above, loads_table = worst(in_rows), of_loads(found)
+    print(
+        table,
+        totals,
+        f"more than 3 of 20 wrong:\n{above}",
+        clean,
+        power_table,
+        loads_table,
+        sep="\n\n",
+    )
     if write:
         put("honesty.md", "honesty rows", table)
         put("honesty.md", "honesty totals", f"{totals}\n\nMore than 3 of 20 wrong:\n\n{above}")
         put("honesty.md", "honesty clean", clean)
         put("honesty.md", "honesty power", power_table)
+        put("honesty.md", "honesty loads", loads_table)
 
 
 def main(
@@ -266,7 +307,11 @@ def main(
         shown(kept_answers(read), write=write)
         return
     tasks = mixed(
-        row_tasks(seeds), clean_tasks(seeds), width_tasks(seeds), power_tasks(POWER_LOGS * seeds)
+        row_tasks(seeds),
+        clean_tasks(seeds),
+        width_tasks(seeds),
+        power_tasks(POWER_LOGS * seeds),
+        load_tasks(LOAD_LOGS * seeds),
     )
     tasks = [each for each in tasks if not only or only in (each.kind, each.name)]
     found, faults = measured(tasks, processes, kept)

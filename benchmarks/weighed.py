@@ -22,6 +22,28 @@ DERIVED = ("settings.forces.acceleration=kinematic", "channels.acc_x_m_s2.derive
 
 
 @dataclass(frozen=True)
+class LoadsFound:
+    """Load states beside the truth.
+
+    Attributes:
+        true: how often the load changed.
+        found: how often it was found to.
+        right: how many of those are between the right two starts.
+        deviations: of each state's mass from that of its starts, over its uncertainty; of a state
+            whose starts carry several, the worst.
+        payload_deviations: likewise of payloads by difference.
+        payload_u_kg: of those.
+    """
+
+    true: int
+    found: int
+    right: int
+    deviations: tuple[float, ...] = ()
+    payload_deviations: tuple[float, ...] = ()
+    payload_u_kg: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class Weighed:
     """One log's answer beside its truth.
 
@@ -38,6 +60,8 @@ class Weighed:
         terms: of the fit: value over its deviation, the mass' uncertainty by it in kg, and the
             value over the width of its prior.
         starts: simulated.
+        loads: where the load changes, what was found of that; mass and truth are then those of the
+            start whose load is farthest off.
     """
 
     row: str
@@ -51,6 +75,7 @@ class Weighed:
     pooled_std: float | None = None
     terms: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     starts: int = 0
+    loads: LoadsFound | None = None
 
     @property
     def open(self) -> bool:
@@ -97,7 +122,7 @@ def weighed(
         body: what else the machine file states of the machine.
     """
     scenario = Scenario.model_validate(sections)
-    log = with_gain(next(iter(simulate_campaign(scenario))), acc_gain)
+    logs = [with_gain(log, acc_gain) for log in simulate_campaign(scenario)]
     stated = {
         "empty_mass_kg": scenario.machine.mass_kg,
         "force_share": scenario.machine.force_share,
@@ -105,8 +130,8 @@ def weighed(
     }
     own = machine(overrides)
     own = own.model_copy(update={"machine": own.machine.model_copy(update=stated)})
-    replayed = run(MemoryLog(log), reading_memory(own, log))
-    return answer(row, design, scenario, log, replayed)
+    replayed = run([MemoryLog(log) for log in logs], reading_memory(own, logs[0]))
+    return answer(row, design, scenario, logs, replayed)
 
 
 def with_gain(log: SimulatedLog, acc_gain: float) -> SimulatedLog:
@@ -117,9 +142,15 @@ def with_gain(log: SimulatedLog, acc_gain: float) -> SimulatedLog:
     return SimulatedLog(**{**vars(log), "topics": {**log.topics, "imu": imu}})
 
 
-def answer(row: str, design: str, scenario: Scenario, log: SimulatedLog, replayed: Run) -> Weighed:
+def answer(
+    row: str, design: str, scenario: Scenario, logs: list[SimulatedLog], replayed: Run
+) -> Weighed:
     load = replayed.frames["loads"].row(0, named=True)
-    true_kg = float(log.trials["mass_kg"][0])
+    starts = pl.concat([log.manoeuvres.filter(pl.col("kind") == "start") for log in logs])
+    true_kg = float(logs[0].trials["mass_kg"][0])
+    loads = None
+    if starts["mass_kg"].n_unique() > 1 or starts["load_end_kg"].n_unique() > 1:
+        loads, load, true_kg = loads_found(starts, replayed, load)
     masses, found = replayed.frames["masses"], replayed.frames["nuisances"]
     shown = values(masses, "mass_kg")
     shown = shown[np.isfinite(shown)]
@@ -144,8 +175,49 @@ def answer(row: str, design: str, scenario: Scenario, log: SimulatedLog, replaye
         float(shown.min()) / true_kg if shown.size else None,
         _number(pooled["mass_std_kg"][0]) if pooled.height else None,
         terms,
-        log.manoeuvres.filter(pl.col("kind") == "start").height,
+        starts.height,
+        loads,
     )
+
+
+def loads_found(
+    starts: pl.DataFrame, replayed: Run, first: dict[str, Any]
+) -> tuple[LoadsFound, dict[str, Any], float]:
+    """What was found of the loads, the state that is farthest off, and what it should be."""
+    loads, shown = replayed.frames["loads"].to_dicts(), replayed.frames["manoeuvres"]
+    t0 = replayed.provenance.t0_unix_ns
+    middle = (shown["start_t_ns"] + shown["end_t_ns"]).to_numpy() / 2.0 + t0
+    begins, ends = starts["start_ns"].to_numpy(), starts["end_ns"].to_numpy()
+    # a load that grows counts with its mean
+    gained = (starts["load_end_kg"] - starts["load_kg"]).to_numpy() / 2.0
+    truth = starts["mass_kg"].to_numpy() + gained
+    at = np.searchsorted(begins, middle, "right") - 1
+    inside = (at >= 0) & (middle <= ends[at])
+    of, true = shown["load_id"].to_numpy()[inside], truth[at[inside]]
+    found, real = np.diff(of) != 0, np.abs(np.diff(true)) > 1.0
+    worst, deviations, payloads, payload_u = (0.0, first, float(truth[0])), [], [], []
+    base = next((row["payload_to"] for row in loads if row["payload_to"] is not None), None)
+    for row in loads:
+        mine = true[of == row["load_id"]]
+        if row["withheld"] or not mine.size:
+            continue
+        masses = mine[np.argmax(np.abs(row["mass_kg"] - mine))]
+        off = (row["mass_kg"] - masses) / row["u_kg"]
+        deviations.append(float(off))
+        worst = max(worst, (abs(off), row, float(masses)), key=lambda each: each[0])
+        if row["payload_to"] is not None and base is not None:
+            carried = mine.mean() - true[of == base].mean()
+            payloads.append(float((row["payload_kg"] - carried) / row["payload_u_kg"]))
+            payload_u.append(float(row["payload_u_kg"]))
+    told = LoadsFound(
+        int(real.sum()),
+        int(found.sum()),
+        int((found & real).sum()),
+        tuple(deviations),
+        tuple(payloads),
+        tuple(payload_u),
+    )
+    return told, worst[1], worst[2]
 
 
 def _finite(value: Any) -> bool:

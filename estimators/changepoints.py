@@ -32,6 +32,8 @@ _SCATTER: Final = 6.0
 _ROUNDS: Final = 10
 #: Rounds of residuals and their variance.
 _NOISE_ROUNDS: Final = 3
+#: So many units share their effects.
+_MANY: Final = 5
 #: Of a unit's sum of squares at least this share is no noise.
 _LEAST_OWN: Final = 0.1
 #: No change is ruled out for good, but for this much it takes evidence.
@@ -107,12 +109,14 @@ def units_of(
     within = (vectors * np.maximum(squares, 0.0)) @ vectors.T
     variance = float(f[used] @ f[used]) / n
     level, correlation, white = y, np.ones(1), variance
+    # few units share their effects with few others: as if each had its own
+    own_columns = A[:, :1] if y.size >= _MANY else A[:, _moving(A)]
     for _ in range(_NOISE_ROUNDS):
         whole = within / variance + np.diag(precision)
         beta = np.linalg.lstsq(whole, cross / variance + precision * prior_mean * scale[1:])[0]
         level = y - x @ beta
         residual = np.where(used, f - A[:, 0] * level[of_group] - A[:, 1:] @ beta, 0.0)
-        correlation, _ = pooled_autocorrelation(residual, group, None)
+        correlation, _ = pooled_autocorrelation(residual, group, own_columns)
         white = float(residual @ residual) / max(n - level.size, 1)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
     first = np.ascontiguousarray(A[:, :1])
@@ -132,6 +136,11 @@ def units_of(
         (cross / variance + precision * prior_mean * back) * back,
         np.ones(level.size - 1, np.int64),
     )
+
+
+def _moving(A: Floats) -> NDArray[np.bool_]:
+    """Which columns are not 0 throughout."""
+    return A.any(axis=0)
 
 
 @dataclass(frozen=True, slots=True)

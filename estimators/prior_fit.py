@@ -185,9 +185,12 @@ def fit(
     cleaned = sums.grams - kept * sums.noise_gram
     scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
     spread = shape.rows(np.einsum("gij,gj->gi", turns, scores))[told]
-    scatter, ratio = _between_groups(gain, spread, covariance)
+    scatter = gain @ turned.scatter @ gain.T
     if levels is not None:
-        scatter = gain @ turned.scatter @ gain.T * student_factor(levels.freedom) ** 2
+        scatter *= student_factor(levels.freedom) ** 2
+    # what a unit's scatter does not explain: stretches within it disagree as well
+    grown, ratio = _between_groups(gain, spread, covariance + scatter, count)
+    scatter = scatter + grown
     signs = np.ones(f.size) if direction is None else direction
     common_gain = gain @ shape.wide(turns[told], shape.levels.of[told]) / max(len(told), 1)
     misfit, common = _common_misfit(common_gain, A, residual, [sums.rows[i] for i in told], signs)
@@ -433,18 +436,24 @@ def _noise_share(noise: Floats, gram: Floats) -> float:
     return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])
 
 
-def _between_groups(gain: Floats, scores: Floats, covariance: Floats) -> tuple[Floats, float]:
+def _between_groups(
+    gain: Floats, scores: Floats, covariance: Floats, levels: int
+) -> tuple[Floats, float]:
     """What groups that disagree add, (p, p), and Birge's ratio of the first parameter."""
     count = len(scores)
-    if count < 2:
+    freedom = count - levels
+    if freedom < 1:
         return np.zeros_like(covariance), float("nan")
     moved = scores @ gain.T
-    between = moved.T @ moved * count / (count - 1)
-    ratio = float(between[0, 0] / covariance[0, 0])
-    if ratio <= 1.0 + _DISAGREE * np.sqrt(2.0 / (count - 1)):
+    between = (moved[:, :levels] ** 2).sum(axis=0) * count / freedom
+    own = np.diag(covariance)[:levels]
+    if not (own > 0.0).all():
+        return np.zeros_like(covariance), float("nan")
+    ratio = float((between / own).mean())
+    if ratio <= 1.0 + _DISAGREE * np.sqrt(2.0 / freedom):
         return np.zeros_like(covariance), float(np.sqrt(ratio))
     # every parameter grows as the first does: a full matrix of few groups is no covariance
-    grown = covariance * (ratio * student_factor(count - 1.0) ** 2 - 1.0)
+    grown = covariance * (ratio * student_factor(float(freedom)) ** 2 - 1.0)
     return grown, float(np.sqrt(ratio))
 
 

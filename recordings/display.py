@@ -20,7 +20,9 @@ _NS: Final = 10**9
 #: A log longer than this opens with decimated series, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * _NS
 _BINS: Final = 3000
-_SPARSE: Final = ("estimates", "segments", "planar")
+_SPARSE: Final = ("estimates", "segments", "planar", "loads", "manoeuvres")
+#: Too few rows to be decimated.
+_FEW: Final = ("loads", "manoeuvres")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +83,10 @@ def drawn_of(
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
         colour = colours.method(method) if method else colours.line(number)
-        frame = _overview_frame(name) if decimated else _source(series, name)
+        binned_too = decimated and series.frame not in _FEW
+        frame = _overview_frame(name) if binned_too else _source(series, name)
         variance = _variance(series.std) if series.std else None
-        if decimated and view.kind is Kind.LINES:
+        if binned_too and view.kind is Kind.LINES:
             for extreme in ("min", "max"):
                 column = f"{series.column}_{extreme}"
                 drawn.append(Drawn(frame, column, f"{label}, {extreme}", colour, faint=True))
@@ -231,6 +234,8 @@ def _overviews(run: Run) -> dict[str, pl.DataFrame]:
     asked: dict[str, list[pl.Expr]] = {}
     for view in TABS[0].views:
         for series, name in series_of(view, run):
+            if series.frame in _FEW:
+                continue
             if view.kind is Kind.LINES:
                 asked.setdefault(name, []).extend(_extremes(series.column))
             elif view.kind is Kind.BANDS and series.std is not None:

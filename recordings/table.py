@@ -112,6 +112,14 @@ _INDEX = _lines(
     mi_z_nat="index of the window, yaw",
     ksg_z_nat="mutual information by nearest neighbours, yaw",
 )
+_LOADS = View(
+    "Mass of each load",
+    Kind.BANDS,
+    (
+        Series("loads", "mass_kg", "load ± u", "u_kg"),
+        Series("manoeuvres", "mass_kg", "a manoeuvre by itself", "mass_std_kg"),
+    ),
+)
 _MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
 _FRICTION = _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")
 _INERTIA = _band("Yaw inertia", "estimates", "inertia_z_kg_m2", "inertia_z_std_kg_m2")
@@ -131,7 +139,15 @@ _DECISIONS = _states(
 )
 
 TABS: Final = (
-    Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _MASS, _INERTIA), ("answer",)),
+    Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
+    Tab(
+        "Loads",
+        (
+            _LOADS,
+            _band("Payload of each load", "loads", "payload_kg", "payload_u_kg", "payload ± u"),
+            _SPEED,
+        ),
+    ),
     Tab(
         "Motion",
         (
@@ -301,6 +317,7 @@ PAGE: Final = (
     _ACCELERATION,
     _SPEED,
     _INDEX,
+    _LOADS,
     _MASS,
     _FRICTION,
     _INERTIA,
@@ -338,13 +355,15 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "friction_z_N_m_s friction_z_std_N_m_s rows rows_z withheld withheld_z"
         ),
         "loads": (
-            "load_id start_t_ns end_t_ns manoeuvres mass_kg u_kg u_random_kg u_common_kg "
-            "payload_kg payload_u_kg friction_x_N_s_m friction_x_std_N_s_m "
+            "load_id start_t_ns end_t_ns manoeuvres u_random_kg u_common_kg "
+            "payload_u_random_kg payload_to scatter_kg scatter_known "
+            "friction_x_N_s_m friction_x_std_N_s_m "
             "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
-            "scale_unknown withheld withheld_for"
+            "scale_unknown withheld withheld_for said"
         ),
+        "manoeuvres": "load_id start_t_ns end_t_ns",
         "nuisances": "term unit prior_std posterior posterior_std u_kg meaning",
-        "budget": "cause kind u_kg share_1 meaning shrinks",
+        "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",
         "calibration": (
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "

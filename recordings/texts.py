@@ -15,7 +15,14 @@ from analysis.stamps import FIRST_DATE_NS
 from recordings.display import span_ns
 from recordings.planar_text import planar, planar_lines
 from recordings.wording import number, outcome, plus_minus, table
-from recordings.worth_text import budget_rows, load_lines
+from recordings.worth_text import (
+    LOAD_HEADS,
+    budget_rows,
+    load_rows,
+    load_sentences,
+    main_load,
+    worth_lines,
+)
 
 _NS: Final = 10**9
 #: The viewer's font has no block, and the viewer ends where a glyph is missing.
@@ -57,6 +64,10 @@ def machine_name(about: Provenance) -> str:
     return str(_body(about).get("name", ""))
 
 
+#: Of a page's loads.
+_MOST_LINES: Final = 12
+
+
 def local_time(about: Provenance, t_ns: int = 0) -> str:
     """A time since the start as the people at the machine read it; no date where there is none."""
     stamp_ns = about.t0_unix_ns + t_ns
@@ -72,6 +83,8 @@ def headline(said: Answer) -> str:
     failed = said.verdict.failed("mass")
     if failed:
         return f"This log cannot weigh the machine: {len(failed)} of the checks failed."
+    if len(said.loads) > 1:
+        return _several(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
             scale = ", scale not known" if load["scale_unknown"] else ""
@@ -84,13 +97,25 @@ def headline(said: Answer) -> str:
     return "No window of this log was accepted: there is no mass."
 
 
+def _several(said: Answer) -> str:
+    """The loads of a log in one sentence."""
+    known = [load for load in said.loads if load["payload_kg"] is not None]
+    count = f"{len(said.loads)} loads"
+    if not known:
+        return f"{count}: no one mass of the log"
+    most = max(known, key=lambda load: load["payload_kg"])
+    return f"{count}, payloads up to {plus_minus(most['payload_kg'], most['payload_u_kg'])} kg"
+
+
 def summary(run: Run) -> str:
     """The answer in plain lines, the headline first."""
     about, said = run.provenance, answer(run)
     lines = [headline(said), f"{recording_name(about)} · {local_time(about)}"]
-    lines += [line for load in said.loads for line in load_lines(load)[1:]]
+    lines += worth_lines(said)[1:]
+    if len(said.loads) > 1:
+        lines += load_sentences(said, _MOST_LINES)
     lines += [""]
-    for row in said.rows:
+    for row in said.rows if len(said.loads) <= 1 else ():
         for method in row.methods:
             mass = "withheld" if row.withheld else f"{_of(row, method, *_MASS)} kg"
             inertia = row.value(_INERTIA[0], method)
@@ -121,8 +146,10 @@ def answer_text(run: Run) -> str:
             )
         )
     parts += _worth(said)
-    for row in said.rows:
-        parts += _masses(row)
+    if len(said.loads) > 1:
+        parts.append("The paper's methods give one mass a log, and are not shown.")
+    else:
+        parts += [each for row in said.rows for each in _masses(row)]
     if lines := planar_lines(said.planar):
         parts.append("\n".join(f"- {line}" for line in lines))
     parts += _verdict(said.verdict) + _accepted(run)
@@ -232,9 +259,14 @@ def _worth(said: Answer) -> list[str]:
     """What the answer is worth: other priors, budget, priors and posteriors."""
     if not any(load["mass_kg"] is not None for load in said.loads):
         return []
-    parts = ["\n".join(f"- {line}" for load in said.loads for line in load_lines(load))]
+    parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
+    which = ""
+    if len(said.loads) > 1:
+        parts += ["## Loads", table(LOAD_HEADS, load_rows(said))]
+        which = f" (mass of load {main_load(said)})"
     heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
-    parts += ["## Where the uncertainty comes from", table(heads, budget_rows(said, _MARK))]
+    title = f"## Where the uncertainty comes from{which}"
+    parts += [title, table(heads, budget_rows(said, _MARK))]
     columns = ("term", "prior_std", "posterior", "posterior_std", "unit", "u_kg", "meaning")
     rows = [tuple(row[name] for name in columns) for row in said.nuisances]
     heads = ("term", "prior ±", "posterior", "±", "unit", "u of the mass (kg)", "what it is")

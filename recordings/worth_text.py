@@ -1,6 +1,7 @@
-"""What the answer is worth, in lines: mass and payload, other priors, where the uncertainty is."""
+"""What the answer is worth, in lines: loads and payloads, other priors, where uncertainty is."""
 
 from collections.abc import Mapping
+from math import ceil
 from typing import Any, Final
 
 from analysis.answer import Answer
@@ -12,6 +13,51 @@ _BAR: Final = 24
 _SMALL: Final = 0.005
 #: A normal distribution's 95 %.
 _COVERAGE: Final = 1.96
+_NS: Final = 1e9
+
+LOAD_HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg", "")
+
+
+def load_rows(said: Answer) -> list[tuple[str, ...]]:
+    """A row a load: number, from, to, manoeuvres, mass, payload, remark."""
+    return [
+        (
+            str(load["load_id"]),
+            _seconds(load["start_t_ns"]),
+            _seconds(load["end_t_ns"]),
+            str(load["manoeuvres"]),
+            "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
+            _payload(said, load),
+            _remark(load),
+        )
+        for load in said.loads
+    ]
+
+
+def load_sentences(said: Answer, most: int) -> list[str]:
+    """A line a load, up to so many."""
+    lines: list[str] = []
+    for load, begin, end, manoeuvres, mass, payload, remark in load_rows(said)[:most]:
+        carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
+        told = ", ".join(filter(None, (f"{mass} kg", carried, remark)))
+        lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
+    if len(said.loads) > most:
+        lines.append(f"and {len(said.loads) - most} more")
+    return lines
+
+
+def worth_lines(said: Answer) -> list[str]:
+    """Masses, payloads and what bears on them; or the reason why there is none."""
+    if len(said.loads) == 1:
+        return load_lines(said.loads[0])
+    lines = [f"{len(said.loads)} loads: this log has no one mass"] if said.loads else []
+    empty = _empty(said)
+    if empty is not None:
+        lines.append(
+            f"payloads are differences to load {empty}, in which nearly all that is common cancels"
+        )
+    known = [load for load in said.loads if load["mass_kg"] is not None]
+    return lines + (_notes(known[0]) if known else [])
 
 
 def load_lines(load: Mapping[str, Any]) -> list[str]:
@@ -23,7 +69,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
     lines = [
         f"mass {plus_minus(mass, u)} kg (standard uncertainty), 95 %: "
         f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "
-        f"{'stretch' if load['manoeuvres'] == 1 else 'stretches'}"
+        f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
     if load["payload_kg"] is not None:
         lines.append(f"payload {plus_minus(load['payload_kg'], load['payload_u_kg'])} kg")
@@ -31,6 +77,12 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
         f"with priors half as wide {number(load['mass_halved_priors_kg'])} kg, "
         f"twice as wide {number(load['mass_doubled_priors_kg'])} kg"
     )
+    return lines + _notes(load)
+
+
+def _notes(load: Mapping[str, Any]) -> list[str]:
+    """What holds for every load of the log."""
+    lines = [load["said"]] if load.get("said") else []
     if load["scale_unknown"]:
         lines.append(
             f"scale not known: the machine file gives no uncertainty of {load['scale_unknown']}, "
@@ -41,10 +93,51 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def goal_lines(said: Answer, goal_kg: float) -> list[str]:
+    """How many manoeuvres would bring each load's number to ± `goal_kg`, by this log's figures."""
+    lines: list[str] = []
+    for load in said.loads:
+        if load["mass_kg"] is None:
+            continue
+        by_difference = load.get("payload_to") is not None
+        name = "payload" if by_difference else "mass"
+        u_kg = load["payload_u_kg" if by_difference else "u_kg"]
+        random_kg = load["payload_u_random_kg" if by_difference else "u_random_kg"]
+        common_kg = max(u_kg**2 - random_kg**2, 0.0) ** 0.5
+        begin = f"load {load['load_id']}: {name} ± {u_kg:.3g} kg from {load['manoeuvres']}"
+        if u_kg <= goal_kg:
+            lines.append(f"{begin}, already within ± {goal_kg:g} kg")
+        elif common_kg >= goal_kg:
+            causes = [
+                source
+                for source in said.budget
+                if source.get("load_id", 0) == load["load_id"]
+                and source["kind"] != "random"
+                and source["u_kg"]
+            ]
+            most = f": first {causes[0]['cause']}, by {causes[0]['shrinks']}" if causes else ""
+            lines.append(
+                f"{begin}; no number of starts like these reaches ± {goal_kg:g} kg, what is "
+                f"common to them is ± {common_kg:.3g} kg{most}"
+            )
+        else:
+            times = random_kg**2 / (goal_kg**2 - common_kg**2)
+            wanted = ceil(load["manoeuvres"] * times)
+            which = " (and as many empty)" if by_difference else ""
+            lines.append(f"{begin}; {wanted} like these{which} would give ± {goal_kg:g} kg")
+    return lines
+
+
 def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, str, str]]:
-    """Source, kind, u in kg, a bar of its share of the variance, and what would shrink it."""
+    """Source, kind, u in kg, a bar of its share of the variance, and what would shrink it.
+
+    Of the load that is known from most manoeuvres.
+    """
+    shown = main_load(said)
     rows: list[tuple[str, str, str, str, str]] = []
     for source in said.budget:
+        if source.get("load_id", 0) != shown:
+            continue
         share = source["share_1"]
         if source["u_kg"] is None:
             rows.append((source["cause"], source["kind"], "not known", "", source["shrinks"]))
@@ -55,11 +148,44 @@ def budget_rows(said: Answer, mark: str = "█") -> list[tuple[str, str, str, st
     return rows
 
 
+def main_load(said: Answer) -> int:
+    """The load that is known from most manoeuvres, the first of several."""
+    known = [load for load in said.loads if load["mass_kg"] is not None]
+    return max(known, key=lambda load: load["manoeuvres"])["load_id"] if known else 0
+
+
 def advice(said: Answer) -> str | None:
     """What would shrink the uncertainty most; None without an answer."""
-    known = [source for source in said.budget if source["u_kg"]]
+    shown = main_load(said)
+    known = [s for s in said.budget if s["u_kg"] and s.get("load_id", 0) == shown]
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
         return None
     most = known[0]
     said_of_it = f"{most['cause']} ({most['meaning']})"
-    return f"most of it is {said_of_it}; it would shrink with: {most['shrinks']}"
+    return f"the largest part is {said_of_it}; it would shrink with: {most['shrinks']}"
+
+
+def _empty(said: Answer) -> int | None:
+    return next(
+        (load["payload_to"] for load in said.loads if load.get("payload_to") is not None), None
+    )
+
+
+def _payload(said: Answer, load: Mapping[str, Any]) -> str:
+    if load["payload_kg"] is None:
+        return "–"
+    if load["load_id"] == _empty(said):
+        return "empty"
+    return plus_minus(load["payload_kg"], load["payload_u_kg"])
+
+
+def _remark(load: Mapping[str, Any]) -> str:
+    if load["mass_kg"] is None:
+        return load["withheld_for"]
+    if load.get("scatter_known") is False:
+        return "repeatability unknown"
+    return ""
+
+
+def _seconds(t_ns: int | None) -> str:
+    return "–" if t_ns is None else f"{t_ns / _NS:,.1f}"

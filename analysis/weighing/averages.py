@@ -69,7 +69,7 @@ def averages(
         slip_1_N: share of the ground's speed that a newton makes the wheels slip.
     """
     rows = np.arange(motion.force.size, dtype=np.float64)
-    force = np.interp(rows + lag_s * motion.rate_hz, rows, motion.force)
+    force = motion.later(lag_s).force
     raw = Moments(
         motion.acceleration,
         motion.speed,
@@ -104,11 +104,12 @@ def averages(
 
 
 def _thinned(motion: Equation, stride: int) -> Bools:
-    """Every so many-th sample of each stretch."""
+    """Every so many-th sample of each stretch, and the last of one that has fewer."""
     used = motion.used
     row = np.arange(used.size)
     since = row - np.maximum.accumulate(np.where(begins(motion.group), row, 0))
-    return used & (since % stride == stride - 1)
+    last = used & (np.append(motion.group[1:], -1) != motion.group)
+    return used & ((since % stride == stride - 1) | (last & (since < stride - 1)))
 
 
 def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:

@@ -99,6 +99,16 @@ class Equation:
             without_gravity=None if level is None else level[cut],
         )
 
+    def later(self, lag_s: float) -> "Equation":
+        """The same with the force moved back by how late it is."""
+        rows = np.arange(self.force.size, dtype=np.float64)
+        return replace(self, force=np.interp(rows + lag_s * self.rate_hz, rows, self.force))
+
+    def earlier_speed(self, delay_s: float) -> "Equation":
+        """The same with the speed moved back by how late it is."""
+        rows = np.arange(self.speed.size, dtype=np.float64)
+        return replace(self, speed=np.interp(rows + delay_s * self.rate_hz, rows, self.speed))
+
     @property
     def used(self) -> Bools:
         """Which samples may be fitted."""

@@ -193,6 +193,9 @@ def joint_fit(
     # the shortest that is nearly as good: a long mean hides what the model misses
     best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
     samples = best.mean_samples
+    if abs(best.lag_s) > _SHORT_LAG_S:
+        # slip is of the force at that moment
+        whole = replace(whole, wheels=kinematics(motion.later(best.lag_s), noise, priors))
     share = _averaging_share(first, lengths.index(samples))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:

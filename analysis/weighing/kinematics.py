@@ -30,7 +30,9 @@ _WIDE_GAIN: Final = 0.3
 _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
 #: Slip and ground speed, found in turn.
-_PASSES: Final = 2
+_PASSES: Final = 3
+#: A delay is looked for up to here.
+_LONGEST_DELAY_S: Final = 0.15
 #: Of its speed, no wheel that weighs slips more.
 _MOST_SLIP: Final = 0.4
 #: Pitch and acceleration that correlate so well are a squat.
@@ -108,35 +110,38 @@ def _compared(
 ) -> Kinematics | None:
     slip_std = priors.wheel_slip / motion.largest_force
 
-    def solved(rows: _Rows, gain_std: float, slip_1_N: float) -> prior_fit.PriorFit:
+    def solved(rows: _Rows, gain_std: float, slip_1_N: float, delay_s: float) -> prior_fit.PriorFit:
         offset = slip_1_N * const_width(motion, priors)
         widths = np.array([gain_std, slip_std, priors.speed_delay_s, offset])
         told = Grouping(shortest=10 * _MEAN // _EVERY)
-        return prior_fit.fit(*rows, np.zeros(4), widths, told)
+        mean = np.array([0.0, 0.0, -delay_s, 0.0])
+        return prior_fit.fit(*rows, mean, widths, told)
 
     rows = _rows(measured, motion, noise, 0.0)
     if rows is None:
         return None
-    wide = solved(rows, _WIDE_GAIN, slip_std)
+    delay_s, about = 0.0, slip_std
+    wide = solved(rows, _WIDE_GAIN, about, delay_s)
     largest = _MOST_SLIP / motion.largest_force
     for _ in range(_PASSES):
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(wide.theta[1], -largest, largest))
-        rows = _rows(measured, motion, noise, slip_1_N) or rows
         about = abs(slip_1_N) + float(wide.std[1])
-        wide = solved(rows, _WIDE_GAIN, about)
+        # a delay is no derivative: the speed is moved back by what was found, and looked at again
+        delay_s = float(np.clip(delay_s + wide.theta[2], -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
+        rows = _rows(measured, motion.earlier_speed(delay_s), noise, slip_1_N) or rows
+        wide = solved(rows, _WIDE_GAIN, about, delay_s)
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
-    about = abs(float(wide.theta[1])) + float(wide.std[1])
     counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
-    found = wide if counts else solved(rows, priors.gain, about)
+    found = wide if counts else solved(rows, priors.gain, about, delay_s)
     values = list(zip(found.theta[:3].tolist(), found.std[:3].tolist(), strict=True))
     return Kinematics(
         gain=(float(wide.theta[0]), float(wide.std[0])),
         gain_by_prior=values[0],
         slip_1_N=values[1],
-        delay_s=values[2],
+        delay_s=(delay_s + values[2][0], values[2][1]),
         gain_counts=counts,
         mismatch=mismatch,
     )

@@ -9,9 +9,9 @@ from analysis.check import Verdict
 from analysis.machine import Machine
 from analysis.schema import FRAMES, build
 from analysis.weighing.budget import budget, combined, unknown_scale
-from analysis.weighing.equation import Floats
+from analysis.weighing.equation import Floats, Ints
 from analysis.weighing.joint_fit import JointFit
-from analysis.weighing.states import States
+from analysis.weighing.states import States, stretch_units
 from analysis.weighing.weigh import Weighing
 
 #: The lightest state is empty when its mass is the machine's within so many uncertainties,
@@ -49,9 +49,15 @@ def _times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
     assert states is not None
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    of = states.of[np.searchsorted(states.unit, fit.motion.unit[used])]
+    of = states.of[_places(fit, states)]
     inside = (used[of == state] for state in range(fit.count))
     return [(int(t_ns[samples[0]]), int(t_ns[samples[-1]])) for samples in inside]
+
+
+def _places(fit: JointFit, states: States) -> Ints:
+    """Of each fitted sample, the place of its manoeuvre among those of the states."""
+    group = fit.motion.group[fit.motion.used]
+    return np.searchsorted(states.unit, stretch_units(fit.motion))[group]
 
 
 def empty_state(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> int | None:
@@ -184,7 +190,7 @@ def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.D
     fit, states = weighing.fit, weighing.fit.states
     t_ns = excitation["t_ns"].to_numpy()
     used = np.flatnonzero(fit.motion.used)
-    place = np.searchsorted(states.unit, fit.motion.unit[used])
+    place = _places(fit, states)
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well

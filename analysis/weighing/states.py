@@ -9,19 +9,24 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.equation import Equation, Floats, Ints
+from analysis.weighing.equation import Equation, Floats, Ints, begins
 from estimators.changepoints import Partitions, Units, partitions
 from estimators.prior_fit import Levels
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
 #: Gains drift by about so much over a log, which is no change of load.
-_DRIFT: Final = 0.02
+_DRIFT: Final = 0.005
+#: Fewer manoeuvres tell no drift from a change.
+_FEWEST_OF_DRIFT: Final = 6
+_NO_DRIFT_KG: Final = 1e-6
 #: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
 FEWEST_FREEDOM: Final = 4
 #: Of the two readings one is doubted when it is less probable than the first and more than this.
 _DOUBTED: Final = 0.05
 _ROUNDS: Final = 60
+#: Samples of a manoeuvre that tells a mass.
+_TELLS: Final = 50
 #: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations.
 _DISAGREE: Final = 5.0
 
@@ -83,9 +88,16 @@ class States:
 
 
 def stretch_units(motion: Equation) -> Ints:
-    """The manoeuvre of each stretch, (stretches,)."""
-    first = np.flatnonzero(motion.used & (np.append(-1, motion.group[:-1]) != motion.group))
-    return motion.unit[first]
+    """The manoeuvre of each stretch, (stretches,).
+
+    One that is too short to tell a mass goes with the one before it.
+    """
+    unit = motion.unit[begins(motion.group)]
+    number, of = np.unique(unit, return_inverse=True)
+    samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
+    tells = samples >= min(_TELLS, samples.max())
+    last = np.maximum.accumulate(np.where(tells, np.arange(number.size), -1))
+    return number[np.where(last < 0, np.argmax(tells), last)][of]
 
 
 def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> States:
@@ -131,6 +143,8 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
 def _with_drift(units: Units, width_kg: float) -> Units:
     """The same with one more shared effect: a mass that drifts over the log."""
     progress = np.linspace(-0.5, 0.5, units.y.size)
+    if units.y.size < _FEWEST_OF_DRIFT:
+        width_kg = _NO_DRIFT_KG
     r = units.x.shape[1]
     gram = np.zeros((r + 1, r + 1))
     gram[:r, :r] = units.gram

@@ -33,6 +33,14 @@ def command(
         bool, typer.Option("--live", help="Show the recording in the viewer while it is written.")
     ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
+    empty: Annotated[
+        str | None,
+        typer.Option("--empty", metavar="FROM:TO", help="Seconds in which it carried nothing."),
+    ] = None,
+    goal: Annotated[
+        float | None,
+        typer.Option("--goal", metavar="KG", min=1e-3, help="Say what would reach ± KG."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Replay logs as one time line and estimate the mass; judge whether these logs can weigh.
@@ -45,12 +53,13 @@ def command(
 
     if live and output is None:
         raise typer.BadParameter("--live shows a recording: name it with -o")
+    settings = [*(overrides or []), *_empty(empty)]
     with Stages(len(STEPS), timing=timing) as stages:
         answer = replay_logs(
             logs,
             machine,
             output,
-            overrides or [],
+            settings,
             strict=strict,
             force=force,
             live=live,
@@ -59,7 +68,7 @@ def command(
     if as_json:
         print_json(answer.to_dict())
     else:
-        print_answer(answer)
+        print_answer(answer, goal)
     if not answer.verdict.can_weigh:
         raise typer.Exit(1)
 
@@ -76,7 +85,24 @@ _OF_INERTIA = {
 }
 
 
-def print_answer(answer: "Answer") -> None:
+def _empty(span: str | None) -> list[str]:
+    """`FROM:TO` as settings."""
+    if span is None:
+        return []
+    begin, colon, end = span.partition(":")
+    try:
+        first, last = float(begin), float(end)
+    except ValueError:
+        first = last = 0.0
+    if not colon or not first < last:
+        raise typer.BadParameter(
+            f"'{span}' is no stretch: FROM:TO in seconds from the start, such as 0:60",
+            param_hint="--empty",
+        )
+    return [f"settings.loads.empty_from_s={first!r}", f"settings.loads.empty_to_s={last!r}"]
+
+
+def print_answer(answer: "Answer", goal: float | None = None) -> None:
     """Print a table of masses, and the verdict check by check, on stdout."""
     from recordings.planar_text import planar_lines
     from replay.commands.printing import console, print_line, print_table
@@ -84,7 +110,14 @@ def print_answer(answer: "Answer") -> None:
     screen, verdict = console(), answer.verdict
     if verdict.can_weigh:
         _print_worth(screen, answer)
-    if verdict.can_weigh or verdict.tells_inertia:
+    if goal is not None:
+        from recordings.worth_text import goal_lines
+
+        for line in goal_lines(answer, goal):
+            print_line(screen, line)
+    if len(answer.loads) > 1 and not verdict.tells_inertia:
+        print_line(screen, "the paper's methods give one mass a log, and are not shown")
+    elif verdict.can_weigh or verdict.tells_inertia:
         print_line(
             screen,
             "by method (joint: the answer; the others' ± is statistical only; –: withheld)",
@@ -142,15 +175,29 @@ def _remark(check: "Check") -> str:
 
 def _print_worth(screen: "Console", answer: "Answer") -> None:
     """The answer, and where its uncertainty comes from."""
-    from recordings.worth_text import advice, budget_rows, load_lines
+    from recordings.worth_text import (
+        LOAD_HEADS,
+        advice,
+        budget_rows,
+        load_rows,
+        main_load,
+        worth_lines,
+    )
     from replay.commands.printing import plain_table, print_line, print_table
 
-    for load in answer.loads:
-        for line in load_lines(load):
-            print_line(screen, line)
+    for line in worth_lines(answer):
+        print_line(screen, line)
+    several = len(answer.loads) > 1
+    if several:
+        loads = plain_table(*LOAD_HEADS[:-1])
+        loads.add_column(LOAD_HEADS[-1], overflow="fold")
+        for load in load_rows(answer):
+            loads.add_row(*load)
+        print_table(screen, loads)
     rows = budget_rows(answer)
     if rows:
-        table = plain_table("uncertainty from", "kind", "u kg")
+        of = f" (mass of load {main_load(answer)})" if several else ""
+        table = plain_table(f"uncertainty from{of}", "kind", "u kg")
         table.add_column("share of the variance")
         table.add_column("shrinks with", overflow="fold")
         for row in rows:

@@ -204,7 +204,9 @@ def _kg(value: float | None) -> str:
 
 def _verdict(row: Row) -> Sequence[str]:
     failed = _failed(row)
-    weighs = f"no: {', '.join(failed)}" if failed else "yes"
+    loads = len(row.answer.loads)
+    yes = f"yes, {loads} loads" if loads > 1 else "yes"
+    weighs = f"no: {', '.join(failed)}" if failed else yes
     return f"{row.answer.accepted_share:.0%}", weighs
 
 

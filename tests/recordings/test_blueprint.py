@@ -84,6 +84,7 @@ def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):
         "Speed (m/s)",
         "Information index (nat)",
         "Gate and phase",
+        "Mass of each load (kg)",
         "Mass (kg)",
         "Yaw inertia (kg·m²)",
     ]

@@ -77,6 +77,7 @@ PANELS = (
     "Acceleration (m/s²)",
     "Speed (m/s)",
     "Information index (nat)",
+    "Mass of each load (kg)",
     "Mass (kg)",
     "Viscous friction (N·s/m)",
     "Yaw inertia (kg·m²)",

@@ -23,15 +23,15 @@ LOAD = {
 
 def test_a_load_is_its_mass_with_interval_its_payload_and_what_other_priors_say():
     assert load_lines(LOAD) == [
-        "mass 3732 ± 24 kg (standard uncertainty), 95 %: 3685 to 3780 kg, from 9 stretches",
+        "mass 3732 ± 24 kg (standard uncertainty), 95 %: 3685 to 3780 kg, from 9 manoeuvres",
         "payload 118 ± 27 kg",
         "with priors half as wide 3730 kg, twice as wide 3740 kg",
     ]
 
 
-def test_one_stretch_is_one_and_without_an_empty_mass_there_is_no_payload():
+def test_one_manoeuvre_is_one_and_without_an_empty_mass_there_is_no_payload():
     lines = load_lines({**LOAD, "manoeuvres": 1, "payload_kg": None, "payload_u_kg": None})
-    assert lines[0].endswith("from 1 stretch")
+    assert lines[0].endswith("from 1 manoeuvre")
     assert not any("payload" in line for line in lines)
 
 

@@ -124,7 +124,7 @@ class TestInit:
             "run", data / name, "-m", made, "--json",
             "--set", "settings.gate.exclude_braking=false",
         )  # fmt: skip
-        assert json.loads(said.out)["mass_kg"]["pooled"] == pytest.approx(95.11, rel=0.02)
+        assert json.loads(said.out)["mass_kg"]["joint"] == pytest.approx(95.11, rel=0.02)
 
     def test_whatever_a_log_calls_its_joints_the_file_is_toml(
         self, payscope: Payscope, tmp_path: Path
@@ -178,7 +178,7 @@ class TestInit:
         }
         words = [word for key, value in known.items() for word in ("--set", f"{key}={value}")]
         answer = json.loads(payscope("run", log, "-m", made, "--json", *words).out)
-        assert answer["mass_kg"]["pooled"] == pytest.approx(3614.0, rel=0.01)
+        assert answer["mass_kg"]["joint"] == pytest.approx(3614.0, rel=0.01)
 
     def test_the_unit_of_a_tables_time_goes_into_the_machine_file(
         self, payscope: Payscope, tmp_path: Path
