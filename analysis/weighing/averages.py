@@ -1,5 +1,6 @@
 """The columns of the fit: means inside the stretches, thinned, and what noise is in them."""
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -80,12 +81,13 @@ def averages(
         rows / rows.size - 0.5,
     )
     stride = max(1, samples // _ROWS_A_MEAN)
-    kept = _thinned(motion, stride)
+    group = _under_way(motion.group, math.ceil(abs(lag_s) * motion.rate_hz))
+    kept = _thinned(group, stride)
 
     def mean(x: Floats) -> Floats:
-        return trailing_group_mean(x, motion.group, samples)[0][kept]
+        return trailing_group_mean(x, group, samples)[0][kept]
 
-    count = trailing_group_mean(raw.speed, motion.group, samples)[1][kept]
+    count = trailing_group_mean(raw.speed, group, samples)[1][kept]
     A = np.column_stack(
         [mean(raw.acceleration), mean(raw.speed), *(mean(term.column(raw)) for term in terms)]
     )
@@ -96,20 +98,34 @@ def averages(
     return Averages(
         A * weight[:, None],
         f * weight,
-        motion.group[kept],
+        group[kept],
         motion.direction[kept],
-        _noise_moments(terms, raw, motion.group, covariances, which, weight, kept),
+        _noise_moments(terms, raw, group, covariances, which, weight, kept),
         max(_SHORTEST // stride, 6),
     )
 
 
-def _thinned(motion: Equation, stride: int) -> Bools:
+def _since(group: Ints) -> Ints:
+    """How many samples of its stretch are before each, (n,)."""
+    row = np.arange(group.size)
+    return row - np.maximum.accumulate(np.where(begins(group), row, 0))
+
+
+def _last(group: Ints) -> Bools:
+    """Which samples are the last of their stretch, (n,)."""
+    return (group >= 0) & (np.append(group[1:], -1) != group)
+
+
+def _under_way(group: Ints, lag: int) -> Ints:
+    """The stretches without their first samples, whose force is from before the break-away."""
+    return np.where((_since(group) >= lag) | _last(group), group, -1)
+
+
+def _thinned(group: Ints, stride: int) -> Bools:
     """Every so many-th sample of each stretch, and the last of one that has fewer."""
-    used = motion.used
-    row = np.arange(used.size)
-    since = row - np.maximum.accumulate(np.where(begins(motion.group), row, 0))
-    last = used & (np.append(motion.group[1:], -1) != motion.group)
-    return used & ((since % stride == stride - 1) | (last & (since < stride - 1)))
+    since = _since(group)
+    short = _last(group) & (since < stride - 1)
+    return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
 def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floats:
