@@ -2,6 +2,7 @@
 
 import shutil
 import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 
 from PIL import Image
@@ -19,7 +20,7 @@ TABS = {"Overview": "overview.png", "Gate": "gate.png"}
 
 
 def main() -> None:
-    """One log of the paper's campaign: a page by `plot`, and tabs of the viewer."""
+    """One log of the paper's campaign and all six: a page by `plot`, and tabs of the viewer."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         logs = simulate(
@@ -32,6 +33,12 @@ def main() -> None:
         for shot in screenshots(write_recording(result, work / "first.rrd"), work):
             if shot.tab in TABS:
                 shutil.copyfile(shot.png, IMAGES / TABS[shot.tab])
+        with ExitStack() as opened:
+            six = [opened.enter_context(open_log(log)) for log in logs]
+            result = run(six, load_machine("cat262c.toml"))
+        for shot in screenshots(write_recording(result, work / "six.rrd"), work):
+            if shot.tab == "Loads":
+                shutil.copyfile(shot.png, IMAGES / "loads.png")
     for picture in IMAGES.glob("*.png"):
         # a palette is enough for lines, and a third of the size
         Image.open(picture).convert("RGB").quantize(128).save(picture, optimize=True)

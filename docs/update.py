@@ -39,6 +39,7 @@ PAGES = (
         REPO / "docs" / f"{name}.md"
         for name in (
             "first-recording",
+            "loads",
             "machine-file",
             "simulating",
             "inertia-and-centre-of-mass",

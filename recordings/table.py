@@ -119,6 +119,7 @@ _LOADS = View(
         Series("loads", "mass_kg", "load ± u", "u_kg"),
         Series("manoeuvres", "mass_kg", "a manoeuvre by itself", "mass_std_kg"),
     ),
+    wild=True,
 )
 _MASS = _band("Mass", "estimates", "mass_kg", "mass_std_kg")
 _FRICTION = _band("Viscous friction", "estimates", "friction_x_N_s_m", "friction_x_std_N_s_m")

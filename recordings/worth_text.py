@@ -53,8 +53,10 @@ def worth_lines(said: Answer) -> list[str]:
     lines = [f"{len(said.loads)} loads: this log has no one mass"] if said.loads else []
     empty = _empty(said)
     if empty is not None:
+        light = next(load for load in said.loads if load["load_id"] == empty)
         lines.append(
-            f"payloads are differences to load {empty}, in which nearly all that is common cancels"
+            f"payloads are differences to load {empty}, taken as empty "
+            f"({plus_minus(light['mass_kg'], light['u_kg'])} kg; --empty FROM:TO says when it was)"
         )
     known = [load for load in said.loads if load["mass_kg"] is not None]
     return lines + (_notes(known[0]) if known else [])

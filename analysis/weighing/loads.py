@@ -16,8 +16,8 @@ from analysis.weighing.weigh import Weighing
 
 #: The lightest state is empty when its mass is the machine's within so many uncertainties,
 _ALIKE: Final = 2.0
-#: and the uncertainty no more than this share of it.
-_KNOWN: Final = 0.03
+#: and the heaviest is heavier by so many.
+_HEAVIER: Final = 3.0
 
 
 def loads(
@@ -65,7 +65,7 @@ def empty_state(weighing: Weighing, times: list[tuple[int, int]], machine: Machi
 
     Where `settings.loads` says when the machine was empty, the state that most of that time is of.
     Else the lightest of several, if its mass is the machine's own as far as both are known, and
-    known well enough that a load would show.
+    they are known well enough that the heaviest would not pass for it.
     """
     fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
     if settings.empty_from_s is not None and settings.empty_to_s is not None:
@@ -79,7 +79,8 @@ def empty_state(weighing: Weighing, times: list[tuple[int, int]], machine: Machi
     apart_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
     u_kg = combined(budget(weighing, machine, fit.weights(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
-    alike = apart_kg <= _ALIKE * u_kg and u_kg <= _KNOWN * body.empty_mass_kg
+    carried_kg = float(np.ptp(fit.masses_kg))
+    alike = apart_kg <= _ALIKE * u_kg and carried_kg >= _HEAVIER * u_kg
     return lightest if alike else None
 
 

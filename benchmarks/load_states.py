@@ -1,0 +1,190 @@
+"""Load states at manoeuvre level: changes found by their size, false changes, intervals that hold.
+
+    python -P benchmarks/load_states.py [--logs 100] [--seed 77] [--write]
+
+Draws what manoeuvres say of their masses instead of logs: 15 kg of noise each, stated with 10 % of
+error, scatter of 0, 1 and 3 times that, and offsets that alternating directions show.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import typer
+from scipy.stats import norm
+
+from analysis.weighing.states import States, found_states
+from benchmarks.page import markdown, put
+from estimators.autocorrelation import student_factor
+from estimators.changepoints import Units
+
+NOISE_KG: Final = 15.0
+MASS_KG: Final = 3700.0
+SCATTERS: Final = (0.0, 1.0, 3.0)
+#: Jumps in deviations of one manoeuvre, noise and scatter together.
+JUMPS: Final = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 9.0, 12.0)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Manoeuvres, their true states, and the levels of those."""
+
+    units: Units
+    state: np.ndarray
+    level_kg: np.ndarray
+
+
+def manoeuvres(
+    dice: np.random.Generator,
+    state: np.ndarray,
+    level_kg: np.ndarray,
+    scatter: float,
+    *,
+    offset_N: float = 0.0,
+    drift_share: float = 0.0,
+) -> Drawn:
+    """What manoeuvres of some states say.
+
+    Args:
+        dice: of this log.
+        state: of each manoeuvre.
+        level_kg: of each state.
+        scatter: between manoeuvres, over their noise.
+        offset_N: a constant force, seen with alternating sign at 1.5 m/s².
+        drift_share: of the mass over the log.
+    """
+    count = state.size
+    own_kg = NOISE_KG * dice.uniform(0.7, 1.4, count)
+    direction = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
+    y = level_kg[state] + dice.normal(0.0, own_kg) + dice.normal(0.0, NOISE_KG * scatter, count)
+    y = y + offset_N / 1.5 * direction + MASS_KG * drift_share * np.linspace(-0.5, 0.5, count)
+    # the deviation that a manoeuvre states is itself estimated
+    stated = own_kg * dice.normal(1.0, 0.1, count).clip(0.6, 1.4)
+    x = (direction / 1.5)[:, None]
+    prior_N = np.array([[200.0**-2]])
+    units = Units(y, x, stated**2, prior_N, np.zeros(1), np.ones(count - 1, np.int64))
+    return Drawn(units, state, level_kg)
+
+
+def changing(
+    dice: np.random.Generator, jump: float, scatter: float, fewest: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """States of at least so many manoeuvres each: 1 to 20 changes among up to 60."""
+    most = max(2, 60 // fewest)
+    states = int(dice.integers(2, min(most, 21) + 1))
+    sizes = fewest + dice.multinomial(
+        int(dice.integers(0, max(60 - fewest * states, 0) + 1)), np.full(states, 1.0 / states)
+    )
+    steps = jump * NOISE_KG * np.hypot(1.0, scatter) * dice.choice([-1.0, 1.0], states - 1)
+    return np.repeat(np.arange(states), sizes), MASS_KG + np.append(0.0, np.cumsum(steps))
+
+
+def changes(found: States, drawn: Drawn) -> np.ndarray:
+    """Right, found and true changes."""
+    mine, true = np.diff(found.of) != 0, np.diff(drawn.state) != 0
+    return np.array([(mine & true).sum(), mine.sum(), true.sum()])
+
+
+def f1(counts: np.ndarray) -> float:
+    right, found, true = counts
+    return 2.0 * right / max(found + true, 1)
+
+
+def curve(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
+    """F1 by jump, beside what a test that knows place, states and variances finds."""
+    for jump in JUMPS:
+        cells = [f"{jump:g} σ"]
+        for scatter in SCATTERS:
+            counts = np.zeros(3)
+            for _ in range(logs):
+                drawn = manoeuvres(dice, *changing(dice, jump, scatter, 3), scatter)
+                counts += changes(
+                    found_states(drawn.units, np.arange(drawn.state.size), None), drawn
+                )
+            cells.append(f"{f1(counts):.3f}")
+        counts = np.zeros(3)
+        for _ in range(logs):
+            drawn = manoeuvres(dice, *changing(dice, jump, 0.0, 1), 0.0)
+            known = found_states(drawn.units, np.arange(drawn.state.size), 0.0)
+            counts += changes(known, drawn)
+        # three against three, at 1 % over some thirty places
+        power = norm.cdf(jump / np.sqrt(2.0 / 3.0) - norm.isf(0.005 / 30.0))
+        yield [*cells, f"{f1(counts):.3f}", f"{2.0 * power / (1.0 + power):.3f}"]
+
+
+def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
+    """How often a log without a change is one state, or says that it cannot tell."""
+    kinds = {
+        "nothing else": {},
+        "300 N of offset, alternating": {"offset_N": 300.0},
+        "drift of 1 %": {"drift_share": 0.01},
+        "0.03 m/s² of bias, alternating": {"offset_N": 0.03 * MASS_KG},
+    }
+    for name, more in kinds.items():
+        for scatter in SCATTERS:
+            if scatter and more:
+                continue
+            single = doubted = 0
+            for _ in range(logs):
+                count = int(dice.integers(3, 61))
+                state, level_kg = np.zeros(count, np.int64), np.array([MASS_KG])
+                drawn = manoeuvres(dice, state, level_kg, scatter, **more)
+                found = found_states(drawn.units, np.arange(count), None)
+                single += found.count == 1
+                doubted += found.other is not None
+            label = f"{name}, scatter {scatter:g}"
+            yield [label, f"{100 * single / logs:.1f} %", f"{100 * doubted / logs:.1f} %"]
+
+
+def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
+    """Intervals of the states' masses and of differences, where the states are right."""
+    for scatter in SCATTERS:
+        masses: list[float] = []
+        payloads: list[float] = []
+        for _ in range(logs):
+            state, level_kg = changing(dice, 15.0, scatter, 3)
+            if state.size - level_kg.size < 4:
+                continue
+            drawn = manoeuvres(dice, state, level_kg, scatter)
+            found = found_states(drawn.units, np.arange(state.size), None)
+            if not np.array_equal(found.of, state):
+                continue
+            weight = 1.0 / (drawn.units.variance + found.scatter_kg**2)
+            total = np.bincount(state, weights=weight)
+            mean = np.bincount(state, weights=weight * found.level_kg) / total
+            noise = np.bincount(state, weights=weight**2 * drawn.units.variance) / total**2
+            between = np.bincount(state, weights=(weight * found.scatter_kg) ** 2) / total**2
+            variance = noise + between * student_factor(found.freedom) ** 2
+            errors = mean - level_kg
+            masses += (errors / np.sqrt(variance)).tolist()
+            payloads += ((errors[1:] - errors[0]) / np.sqrt(variance[1:] + variance[0])).tolist()
+        for_masses, for_payloads = np.array(masses), np.array(payloads)
+        yield [
+            f"{scatter:g}",
+            str(for_masses.size),
+            f"{100 * (np.abs(for_masses) < 1.96).mean():.1f} %",
+            f"{100 * (np.abs(for_payloads) < 1.96).mean():.1f} %",
+            f"{np.sqrt((for_payloads**2).mean()):.2f}",
+        ]
+
+
+def main(logs: int = 100, seed: int = 77, write: bool = False) -> None:
+    dice = np.random.default_rng(seed)
+    head = ["jump", *(f"found, scatter {scatter:g}" for scatter in SCATTERS)]
+    tables = [
+        markdown([*head, "single starts, scatter known", "theory"], list(curve(dice, logs))),
+        markdown(["no change", "one state", "cannot tell"], list(one_state(dice, 4 * logs))),
+        markdown(
+            ["scatter", "states", "mass held", "payload held", "r.m.s. payload error / u"],
+            list(held(dice, 4 * logs)),
+        ),
+    ]
+    text = "\n\n".join(tables)
+    print(text)
+    if write:
+        put("loads.md", "load states", text)
+
+
+if __name__ == "__main__":
+    typer.run(main)

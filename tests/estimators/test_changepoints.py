@@ -1,0 +1,118 @@
+"""Which manoeuvres share a level: exact partitions, shared effects, scatter."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from estimators.changepoints import Units, partitions, units_of
+
+SPREAD = 1200.0
+STD = 15.0
+
+
+def units(levels, seed=0, scatter=0.0, effect=None, kind=None):
+    """Manoeuvres of these levels, with noise; `effect` is what β = 1 adds to each."""
+    dice = np.random.default_rng(seed)
+    levels = np.asarray(levels, float)
+    n = levels.size
+    y = levels + dice.normal(0.0, STD, n) + dice.normal(0.0, scatter, n)
+    x = np.zeros((n, 0)) if effect is None else np.asarray(effect, float)[:, None]
+    gram = np.zeros((0, 0)) if effect is None else np.array([[300.0**-2]])
+    kind = np.ones(n - 1, np.int64) if kind is None else np.asarray(kind)
+    return Units(y, x, np.full(n, STD**2), gram, np.zeros(x.shape[1]), kind)
+
+
+def state_of(levels, **more):
+    return partitions(units(levels, **more), SPREAD).best.state.tolist()
+
+
+class TestPartitions:
+    def test_one_load_is_one_state(self):
+        assert state_of([3600.0] * 9) == [0] * 9
+
+    def test_a_change_is_found_where_it_is(self):
+        assert state_of([3600.0] * 4 + [3850.0] * 5) == [0] * 4 + [1] * 5
+
+    def test_a_load_that_comes_back_is_a_state_of_its_own(self):
+        levels = [3600.0] * 3 + [3850.0] * 3 + [3600.0] * 3
+        assert state_of(levels) == [0] * 3 + [1] * 3 + [2] * 3
+
+    def test_manoeuvres_that_scatter_alike_are_one_state(self):
+        found = partitions(units([3600.0] * 20, scatter=60.0), SPREAD)
+        assert found.best.states == 1
+        assert found.best.scatter > 2.0 * STD
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_the_partition_is_the_best_of_all(self, seed):
+        """Against every partition of seven manoeuvres, at the scatter that is known."""
+        from estimators.changepoints import _log_posterior
+
+        drawn = units([3600.0, 3600.0, 3640.0, 3640.0, 3640.0, 3700.0, 3700.0], seed=seed)
+        found = partitions(drawn, SPREAD, 0.0).best
+        places = range(1, 7)
+        every = [
+            np.searchsorted(np.array(cut), np.arange(7), "right").astype(np.int64)
+            for changes in range(7)
+            for cut in combinations(places, changes)
+        ]
+        best = max(every, key=lambda state: _log_posterior(drawn, state, drawn.variance, SPREAD))
+        assert found.state.tolist() == best.tolist()
+
+    def test_an_offset_in_alternating_directions_is_no_change(self):
+        direction = np.array([1.0, -1.0] * 5)
+        levels = 3600.0 + 200.0 * direction
+        assert len(set(state_of(levels, effect=direction))) == 1
+        # and a change beneath it is found
+        levels = levels + np.repeat([0.0, 250.0], 5)
+        assert state_of(levels, effect=direction) == [0] * 5 + [1] * 5
+
+    def test_no_change_is_where_the_machine_did_not_stand(self):
+        levels = [3600.0] * 4 + [3850.0] * 4
+        assert state_of(levels, kind=[1, 1, 1, 0, 1, 1, 1]) != [0] * 4 + [1] * 4
+
+    def test_single_manoeuvres_are_told_apart_where_scatter_is_known(self):
+        drawn = units([3600.0, 3850.0, 3600.0])
+        assert partitions(drawn, SPREAD, 0.0).best.states == 3
+        # else three loads and one that scatters are about as likely
+        assert 0.05 < partitions(drawn, SPREAD).single_probability < 0.95
+
+    def test_where_nothing_can_tell_both_are_probable(self):
+        found = partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD)
+        assert 0.02 < found.single_probability < 0.999
+
+    @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
+    def test_a_log_without_a_change_is_hardly_ever_split(self, scatter):
+        states = [
+            partitions(units([3600.0] * 12, seed=seed, scatter=scatter), SPREAD).best.states
+            for seed in range(50)
+        ]
+        assert np.mean(np.array(states) == 1) >= 0.94
+
+
+class TestUnits:
+    def test_a_unit_says_its_level_and_how_certain_it_is(self):
+        dice = np.random.default_rng(4)
+        group = np.repeat(np.arange(8), 200)
+        a = np.tile(np.linspace(1.5, 0.2, 200), 8)
+        v = np.tile(np.linspace(0.0, 2.0, 200), 8)
+        level = np.repeat([3600.0, 3850.0], 800)
+        errors: list[np.ndarray] = []
+        stds: list[float] = []
+        for _ in range(30):
+            f = level * a + 2900.0 * v + dice.normal(0.0, 60.0, a.size)
+            found = units_of(
+                np.column_stack([a, v]),
+                f,
+                group,
+                None,
+                np.zeros(1),
+                np.array([np.inf]),
+                np.arange(8),
+            )
+            beta = np.linalg.solve(found.gram, found.cross)
+            # the shared friction's error is common; between units of one level it cancels
+            levels = found.y - found.x @ beta
+            errors.append(levels - level[::200] - (levels - level[::200]).mean())
+            stds.append(float(np.sqrt(found.variance).mean()))
+        assert np.std(errors) == pytest.approx(np.mean(stds), rel=0.15)
