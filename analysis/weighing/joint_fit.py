@@ -33,6 +33,8 @@ _MEANS_A_STRETCH: Final = 6
 _TRIED: Final = 24
 #: Up to here it does not matter whether a force is delayed or low-passed.
 _SHORT_LAG_S: Final = 0.003
+#: A lag that changes by less is found.
+_LAG_FOUND_S: Final = 1e-4
 #: A lag is looked for up to here.
 _LONGEST_LAG_S: Final = 0.3
 #: What the wheels say of slip is never trusted beyond this share of its prior.
@@ -290,7 +292,7 @@ class _Task:
         lag_s = begin.lag_s if begin and shift else 0.0
         fitted = None
         friction = begin.friction[0] if begin else None
-        for _ in range(rounds):
+        for number in range(rounds):
             mean, std = self._priors(friction)
             mean[lag] = -lag_s
             rows = averages(self.motion, self.noise, self.terms, lag_s, samples, self._slip())
@@ -308,6 +310,8 @@ class _Task:
             if not np.isfinite(found):
                 break
             lag_s = float(np.clip(lag_s + found, -_LONGEST_LAG_S, _LONGEST_LAG_S)) if shift else 0.0
+            if number and abs(found) < _LAG_FOUND_S:
+                break
         assert fitted is not None
         theta = fitted.theta.copy()
         if shift:

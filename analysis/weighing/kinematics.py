@@ -8,6 +8,7 @@ coefficient is 1 / C; an offset F₀ of the force looks like a gain where all dr
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -147,6 +148,7 @@ def _compared(
     )
 
 
+@cache
 def _line(samples: int) -> Floats:
     """Orthonormal columns of a constant and a slope, (samples, 2)."""
     ramp = np.linspace(-1.0, 1.0, samples)
