@@ -1,7 +1,9 @@
 """Run the chosen estimators over the accepted windows."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,12 +11,12 @@ import polars as pl
 
 from analysis.column_noise import axis_noise, least_std, systematic
 from analysis.gate import settled_windows
-from analysis.methods import METHODS, AxisNoise, Feed
+from analysis.methods import METHODS, AxisNoise, Feed, Method
 from analysis.regressor import Axis, axes, regressor, trace_columns
 from analysis.schema import build
 from analysis.segments import pooled_samples
 from analysis.settings import Settings
-from estimators.estimate import Ints, Trace
+from estimators.estimate import Floats, Ints, Trace
 
 
 def trace(
@@ -22,6 +24,7 @@ def trace(
     gated: pl.DataFrame,
     settings: Settings,
     noise: pl.DataFrame | None = None,
+    begins: Sequence[int] = (),
 ) -> dict[str, pl.DataFrame]:
     """Estimate from every accepted window with every method of the settings.
 
@@ -30,12 +33,13 @@ def trace(
         gated: which windows are accepted.
         settings: window, methods and their options.
         noise: of the columns, where it is known.
+        begins: rows from which on the machine carries another load: recursions begin anew there.
 
     Returns:
         By method: its `estimates` frame, accepted rows only; `pooled` has a row a manoeuvre.
     """
     axes_traced = {
-        axis: _traces(axis, excitation, gated, settings, axis_noise(axis, settings, noise))
+        axis: _traces(axis, excitation, gated, settings, axis_noise(axis, settings, noise), begins)
         for axis in axes(excitation)
     }
     t_ns = excitation["t_ns"].to_numpy()
@@ -51,6 +55,7 @@ def _traces(
     gated: pl.DataFrame,
     settings: Settings,
     noise: AxisNoise,
+    begins: Sequence[int],
 ) -> dict[str, Trace]:
     """Every method over one axis."""
     A, f = regressor(axis, excitation, settings)
@@ -70,7 +75,11 @@ def _traces(
     for name in settings.trace.methods:
         method = METHODS[name]
         options = method.options(settings.trace, noise)
-        traced = method.estimator.trace(A, f, *fed(method.feed), options)
+        if method.feed is Feed.SETTLED and begins:
+            fed_by = (*fed(method.feed), options)
+            traced = _by_load(method, A, f, fed_by, begins)
+        else:
+            traced = method.estimator.trace(A, f, *fed(method.feed), options)
         if method.feed is not Feed.SEGMENTS:
             unseen = systematic(method, A, f, traced.index, traced.theta, settings, noise)
             std = traced.std
@@ -79,6 +88,28 @@ def _traces(
             traced = replace(traced, std=np.hypot(std, unseen))
         traces[name] = traced
     return traces
+
+
+def _by_load(
+    method: Method,
+    A: Floats,
+    f: Floats,
+    fed: tuple[Any, ...],
+    begins: Sequence[int],
+) -> Trace:
+    """Run a recursion over each load by itself; no window reaches across a change."""
+    window, accepted, options = fed
+    bounds = [0, *begins, f.size]
+    parts: list[Trace] = []
+    for begin, end in pairwise(bounds):
+        inside = accepted[begin:end].copy()
+        inside[: window - 1] = False
+        traced = method.estimator.trace(A[begin:end], f[begin:end], window, inside, options)
+        parts.append(replace(traced, index=traced.index + begin))
+    fields = ("index", "theta", "std", "residual_rms", "condition")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in fields}
+    longest = max(parts, key=lambda part: part.index.size)
+    return replace(longest, **joined)
 
 
 def _frame(traced: dict[Axis, Trace], t_ns: Ints) -> pl.DataFrame:

@@ -140,7 +140,7 @@ def units_of(
 
 def _moving(A: Floats) -> NDArray[np.bool_]:
     """Which columns are not 0 throughout."""
-    return A.any(axis=0)
+    return np.abs(A).sum(axis=0) > 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The paper's method on one screen: log → align → smooth → forces → noise → gate → trace → Run."""
+"""The paper's method on one screen: log → align → smooth → forces → gate → weigh → trace → Run."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -20,7 +20,7 @@ from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
-from analysis.weighing.loads import budget_frame, loads, manoeuvre_frame, nuisances
+from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import weigh
 from estimators.threads import one_blas_thread
 from replay.inputs import named_by_topic, provenance, read_channels
@@ -29,7 +29,7 @@ from replay.readers import Log
 #: What `on_stage` is told, in order.
 STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
-    *("noise", "gate", "trace", "segments", "weigh", "verdict", "planar"),
+    *("noise", "gate", "segments", "weigh", "trace", "verdict", "planar"),
 )
 
 
@@ -67,12 +67,12 @@ def run(
     noise = channel_noise(aligned, excitation, machine)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate(excitation, settings, noise)
-    on_stage("trace")  # the estimators over the accepted windows
-    estimates = trace(excitation, gated, settings, noise)
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
-    on_stage("weigh")  # the joint fit: mass with the nuisances under their priors
+    on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
     weighing = weigh(aligned, excitation, gated, noise, machine)
+    on_stage("trace")  # the estimators over the accepted windows; recursions load by load
+    estimates = trace(excitation, gated, settings, noise, changes(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
     everything = masses(excitation, gated, estimates, machine, noise)
     evidence = Evidence(

@@ -60,6 +60,16 @@ def _places(fit: JointFit, states: States) -> Ints:
     return np.searchsorted(states.unit, stretch_units(fit.motion))[group]
 
 
+def changes(weighing: Weighing | None) -> list[int]:
+    """The rows of the grid where another load begins to move."""
+    if weighing is None or weighing.fit.states is None:
+        return []
+    fit, states = weighing.fit, weighing.fit.states
+    of = states.of[_places(fit, states)]
+    used = np.flatnonzero(fit.motion.used)
+    return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
+
+
 def empty_state(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> int | None:
     """The state of this log that carries nothing; None where there is none, or no telling.
 

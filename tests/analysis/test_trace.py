@@ -107,3 +107,26 @@ def test_nothing_accepted_gives_empty_frames_with_their_columns(two_starts):
         assert frame.height == 0
         assert {"t_ns", "mass_kg", "mass_std_kg"} <= set(frame.columns)
         assert frame["mass_kg"].dtype == pl.Float64
+
+
+def test_a_recursion_begins_anew_with_each_load(two_starts):
+    """From a change on it is what it would be in a log of its own, and before it as without."""
+    settings = settings_of(methods=("rls", "rtls"))
+    gated = gate(two_starts, settings)
+    begin = two_starts.height // 2
+    whole = trace(two_starts, gated, settings)
+    parted = trace(two_starts, gated, settings, begins=[begin])
+    window = settings.gate.window_samples
+    second = gated[begin:].with_columns(
+        (pl.col("accepted_x") & (pl.int_range(pl.len()) >= window - 1)).alias("accepted_x")
+    )
+    alone = trace(two_starts[begin:], second, settings)
+    early = pl.col("t_ns") < two_starts["t_ns"][begin]
+    for method in ("rls", "rtls"):
+        masses = [each[method].filter(early)["mass_kg"] for each in (parted, whole)]
+        assert masses[0].len() > 0
+        assert masses[0].equals(masses[1])
+        found, expected = parted[method].filter(~early)["mass_kg"], alone[method]["mass_kg"]
+        assert expected.len() > 0
+        assert found.to_list() == expected.to_list()
+        assert not whole[method].filter(~early)["mass_kg"].equals(found)
