@@ -190,6 +190,15 @@ class LoadSettings(BaseModel):
     empty_from_s: float | None = Field(None, description="it is known to be empty from here on")
     empty_to_s: float | None = Field(None, description="up to here, in seconds from the start")
 
+    @model_validator(mode="after")
+    def _a_stretch(self) -> Self:
+        first, last = self.empty_from_s, self.empty_to_s
+        if (first is None) != (last is None):
+            raise ValueError("empty_from_s and empty_to_s go together")
+        if first is not None and last is not None and not first < last:
+            raise ValueError(f"empty_from_s is {first:g}, not before empty_to_s {last:g}")
+        return self
+
 
 class PlanarSettings(BaseModel):
     """Arcs and joint motion."""

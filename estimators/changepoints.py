@@ -51,7 +51,7 @@ class Units:
         gram: (r, r) information about β within units and from its prior.
         cross: (r,) likewise its right-hand side.
         kind: (n - 1,) of each boundary: 0 no change can be there, else places of one kind are
-            alike.
+            alike (a hint of a boom, say, is another kind than a standstill).
     """
 
     y: Floats
@@ -174,7 +174,8 @@ class Partitions:
     Attributes:
         best: the most probable.
         single: with one level.
-        single_probability: how probable one level is, against the best of each number of levels.
+        single_probability: how probable one level is, among all that were tried, each at its best
+            scatter.
     """
 
     best: Partition

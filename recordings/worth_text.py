@@ -54,10 +54,9 @@ def worth_lines(said: Answer) -> list[str]:
     empty = _empty(said)
     if empty is not None:
         light = next(load for load in said.loads if load["load_id"] == empty)
-        lines.append(
-            f"payloads are differences to load {empty}, taken as empty "
-            f"({plus_minus(light['mass_kg'], light['u_kg'])} kg; --empty FROM:TO says when it was)"
-        )
+        mass = "" if light["mass_kg"] is None else plus_minus(light["mass_kg"], light["u_kg"])
+        known = f" ({mass} kg; --empty FROM:TO says when it was)" if mass else ""
+        lines.append(f"payloads are differences to load {empty}, taken as empty{known}")
     known = [load for load in said.loads if load["mass_kg"] is not None]
     return lines + (_notes(known[0]) if known else [])
 
@@ -113,7 +112,9 @@ def goal_lines(said: Answer, goal_kg: float) -> list[str]:
             causes = [
                 source
                 for source in said.budget
-                if source.get("load_id", 0) == load["load_id"]
+                # what makes a mass uncertain cancels in a difference
+                if not by_difference
+                and source.get("load_id", 0) == load["load_id"]
                 and source["kind"] != "random"
                 and source["u_kg"]
             ]

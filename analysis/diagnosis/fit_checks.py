@@ -228,7 +228,11 @@ FIT_CHECKS: Final = (
         _contradicted,
         "methods whose interval the answer contradicts, or whose own deviation is too small here",
         maximum="methods_max",
-        applies=lambda evidence, motion: _fitted(evidence, motion) and evidence.totals is not None,
+        applies=lambda evidence, _: (
+            evidence.totals is not None
+            and evidence.weighing is not None
+            and evidence.weighing.fit.count == 1
+        ),
         consequence="method",
         remedy="none: those methods have no nuisance terms, and are not shown",
     ),

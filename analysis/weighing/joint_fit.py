@@ -186,7 +186,7 @@ def joint_fit(
     wheels = kinematics(motion, noise, priors)
     terms = tuple(term for term in NUISANCES if term.applies(motion))
     whole = _Task(motion, noise, priors, terms, wheels, states)
-    part = replace(whole, motion=motion.beginning(_TRIED))
+    part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
     first = [part.fitted(samples, 1) for samples in lengths]
@@ -275,6 +275,12 @@ class _Task:
     terms: tuple[Nuisance, ...]
     wheels: Kinematics | None
     states: States | None
+
+    def beginning(self, stretches: int) -> "_Task":
+        """The same up to the end of so many stretches."""
+        motion = self.motion.beginning(stretches)
+        states = None if self.states is None else self.states.among(motion)
+        return replace(self, motion=motion, states=states)
 
     def fitted(
         self, samples: int, rounds: int, *, shift: bool = True, begin: JointFit | None = None

@@ -18,6 +18,10 @@ from analysis.weighing.weigh import Weighing
 _ALIKE: Final = 2.0
 #: and the heaviest is heavier by so many.
 _HEAVIER: Final = 3.0
+_NOT_EMPTY: Final = (
+    "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
+    "machine's empty mass"
+)
 
 
 def loads(
@@ -39,7 +43,10 @@ def loads(
     rows = [
         _load(weighing, state, empty, times[state], machine, verdict) for state in range(fit.count)
     ]
-    said = pl.Series("said", [_said(fit, machine)] * len(rows))
+    said = _said(fit, machine)
+    if machine.settings.loads.empty_from_s is not None and empty is None:
+        said = "; ".join(filter(None, (_NOT_EMPTY, said)))
+    said = pl.Series("said", [said] * len(rows))
     return build("loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said})
 
 
@@ -78,12 +85,14 @@ def empty_state(weighing: Weighing, times: list[tuple[int, int]], machine: Machi
     they are known well enough that the heaviest would not pass for it.
     """
     fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
+    if fit.count < 2:
+        return None
     if settings.empty_from_s is not None and settings.empty_to_s is not None:
         first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
         shared = [min(last, end) - max(first, begin) for begin, end in times]
         most = int(np.argmax(shared))
         return most if shared[most] > 0 else None
-    if fit.count < 2 or body.empty_mass_kg is None:
+    if body.empty_mass_kg is None:
         return None
     lightest = int(np.argmin(fit.masses_kg))
     apart_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)

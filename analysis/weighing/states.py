@@ -27,7 +27,8 @@ _DOUBTED: Final = 0.05
 _ROUNDS: Final = 60
 #: Samples of a manoeuvre that tells a mass.
 _TELLS: Final = 50
-#: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations.
+#: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
+#: of a fit's groups, since the deviations of manoeuvres are themselves found from few samples.
 _DISAGREE: Final = 5.0
 
 
@@ -77,14 +78,25 @@ class States:
         """Whether the scatter is more than a guess."""
         return self.freedom >= FEWEST_FREEDOM
 
+    def among(self, motion: Equation) -> "States":
+        """The same of a motion that may have fewer manoeuvres, or others: states are renumbered."""
+        unit = np.unique(stretch_units(motion))
+        place = np.searchsorted(self.unit, unit, "right") - 1
+        place = place.clip(0, self.unit.size - 1)
+        return replace(
+            self,
+            unit=unit,
+            of=np.unique(self.of[place], return_inverse=True)[1],
+            level_kg=self.level_kg[place],
+            std_kg=self.std_kg[place],
+            other=None if self.other is None else self.other[place],
+        )
+
     def levels(self, motion: Equation) -> Levels:
-        """The states of a motion's stretches; it may have fewer manoeuvres than were judged."""
-        unit = stretch_units(motion)
-        place = np.searchsorted(self.unit, unit).clip(0, self.unit.size - 1)
-        _, of = np.unique(self.of[place], return_inverse=True)
-        _, number = np.unique(unit, return_inverse=True)
+        """The states of the stretches of the motion whose manoeuvres these are."""
+        number = np.searchsorted(self.unit, stretch_units(motion))
         scatter_kg = self.scatter_kg if self.freedom > 0 else 0.0
-        return Levels(of, number, scatter_kg, self.freedom)
+        return Levels(self.of[number], number, scatter_kg, self.freedom)
 
 
 def stretch_units(motion: Equation) -> Ints:
@@ -108,6 +120,8 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         number: (units,) of the manoeuvres.
         repeatability_kg: how manoeuvres of one load scatter, where the machine file knows.
     """
+    if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
+        return _untold(units, number)
     typical_kg = float(np.median(np.abs(units.y)))
     found = partitions(
         _with_drift(units, _DRIFT * typical_kg), _LARGEST_LOAD * typical_kg, repeatability_kg
@@ -138,6 +152,12 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         units.y - units.x @ other.effects[:shared], units.variance, other.state
     )
     return replace(states, other=other.state, other_scatter_kg=other_kg)
+
+
+def _untold(units: Units, number: Ints) -> States:
+    """One state, of which nothing is known."""
+    one = np.zeros(number.size, np.int64)
+    return States(number, one, units.y, np.sqrt(units.variance), 0.0, 0.0, float("nan"))
 
 
 def _with_drift(units: Units, width_kg: float) -> Units:

@@ -134,13 +134,13 @@ def weigh(
     if not settings.gate.exclude_braking:
         driving = motion(braking=False)
         if driving.used.sum() >= _FEWEST:
-            alone = of_states(driving)
+            alone = joint_fit(driving, columns, priors, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
             if not curvature(alone, columns, priors).shows:
-                braking_kg = fit.mass_kg - alone.mass_kg
+                braking_kg = _apart_kg(fit, alone)
                 allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
-                fit = alone if left_out else fit
+                fit = of_states(driving) if left_out else fit
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
@@ -153,6 +153,17 @@ def weigh(
         doubted,
         curvature(fit, columns, priors),
     )
+
+
+def _apart_kg(one: JointFit, other: JointFit) -> float:
+    """How far two fits' masses of the same manoeuvres are apart, in their mean."""
+    mine, theirs = one.states, other.states
+    if mine is None or theirs is None:
+        return one.mass_kg - other.mass_kg
+    _, a, b = np.intersect1d(mine.unit, theirs.unit, return_indices=True)
+    if not a.size:
+        return one.mass_kg - other.mass_kg
+    return float(np.mean(one.masses_kg[mine.of[a]] - other.masses_kg[theirs.of[b]]))
 
 
 def curvature(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Curvature:

@@ -53,6 +53,8 @@ def command(
 
     if live and output is None:
         raise typer.BadParameter("--live shows a recording: name it with -o")
+    if goal is not None and as_json:
+        raise typer.BadParameter("--goal is said in words: leave out --json")
     settings = [*(overrides or []), *_empty(empty)]
     with Stages(len(STEPS), timing=timing) as stages:
         answer = replay_logs(

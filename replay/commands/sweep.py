@@ -205,7 +205,10 @@ def _kg(value: float | None) -> str:
 def _verdict(row: Row) -> Sequence[str]:
     failed = _failed(row)
     loads = len(row.answer.loads)
-    yes = f"yes, {loads} loads" if loads > 1 else "yes"
+    known = [load for load in row.answer.loads if load["payload_kg"] is not None]
+    most = max((load["payload_kg"] for load in known), default=None)
+    carried = "" if most is None else f", payload up to {most:,.1f} kg"
+    yes = f"yes, {loads} loads{carried}" if loads > 1 else "yes"
     weighs = f"no: {', '.join(failed)}" if failed else yes
     return f"{row.answer.accepted_share:.0%}", weighs
 

@@ -5,8 +5,10 @@ import polars as pl
 import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
+from analysis.weighing import joint_fit
 from benchmarks.honesty_rows import LOADER
 from benchmarks.weighed import machine
+from estimators.errors import MachineError
 from replay.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
@@ -14,13 +16,23 @@ from tests.analysis.diagnosis.test_faults import situation
 POOLED = ('settings.trace.methods=["pooled"]',)
 
 
-def loaded(loads_kg, runs, overrides=POOLED, seed=5, **body):
-    """The loads' logs in one time line, as replayed."""
-    campaign = {**LOADER["campaign"], "loads_kg": loads_kg, "runs": runs}
-    scenario = Scenario.model_validate({**LOADER, "campaign": campaign, "sensors": {"seed": seed}})
-    logs = list(simulate_campaign(scenario))
+def logs_of(loads_kg, runs, seed=5):
+    """A log a load, in one time line, with so many starts each."""
+    made = []
+    for place, count in enumerate(runs):
+        campaign = {**LOADER["campaign"], "loads_kg": loads_kg, "runs": count}
+        sections = {**LOADER, "campaign": campaign, "sensors": {"seed": seed}}
+        made.append(list(simulate_campaign(Scenario.model_validate(sections)))[place])
+    return made
+
+
+def loaded(loads_kg, runs, overrides=POOLED, **body):
+    """The loads' logs, as replayed."""
+    each = [runs] * len(loads_kg) if isinstance(runs, int) else runs
+    logs = logs_of(loads_kg, each)
     own = machine(overrides)
-    stated = {"empty_mass_kg": 3614.0, "force_share": scenario.machine.force_share, **body}
+    share = Scenario.model_validate(LOADER).machine.force_share
+    stated = {"empty_mass_kg": 3614.0, "force_share": share, **body}
     own = own.model_copy(update={"machine": own.machine.model_copy(update=stated)})
     return run([MemoryLog(log) for log in logs], reading_memory(own, logs[0]))
 
@@ -73,6 +85,45 @@ def test_loads_that_are_as_near_as_the_mass_is_uncertain_are_not_taken_for_empty
     assert loads["payload_to"].null_count() == 2
     # so payload is mass less empty mass, with the whole uncertainty
     assert (loads["payload_u_kg"] >= loads["u_kg"]).all()
+
+
+def test_the_load_with_most_manoeuvres_may_be_the_last(monkeypatch):
+    """The mean's length is chosen on the first stretches, which need not have that load."""
+    monkeypatch.setattr(joint_fit, "_TRIED", 3)
+    loads = loaded([0.0, 250.0], [3, 6]).frames["loads"]
+    assert loads["manoeuvres"].to_list() == [3, 6]
+    assert abs(loads["payload_kg"][1] - 250.0) < 3.0 * loads["payload_u_kg"][1]
+
+
+def test_braking_is_compared_load_by_load():
+    """Brakes that are seen whole agree with driving, whichever load has most manoeuvres."""
+    settings = (*POOLED, "settings.gate.exclude_braking=false")
+    seen = {"campaign": {**LOADER["campaign"], "brake_measured_share": 1.0}}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(LOADER, "campaign", seen["campaign"])
+        replayed = loaded([0.0, 250.0], [4, 6], settings)
+    assert not replayed.frames["loads"]["braking_left_out"].any()
+    judged = replayed.frames["verdict"]
+    assert judged.filter(pl.col("check") == "braking")["value"][0] < 0.02
+
+
+@pytest.mark.parametrize(
+    ("span", "fault"),
+    [
+        (("settings.loads.empty_from_s=3",), "go together"),
+        (("settings.loads.empty_from_s=9", "settings.loads.empty_to_s=3"), "not before"),
+    ],
+)
+def test_a_stretch_of_emptiness_has_two_ends(span, fault):
+    with pytest.raises(MachineError, match=fault):
+        machine(span)
+
+
+def test_an_empty_stretch_that_is_no_load_is_said():
+    span = ("settings.loads.empty_from_s=9000", "settings.loads.empty_to_s=9999")
+    loads = loaded([0.0, 250.0], 4, (*POOLED, *span)).frames["loads"]
+    assert loads["payload_to"].null_count() == 2
+    assert "name no load" in loads["said"][0]
 
 
 class TestRepeatability:
