@@ -10,7 +10,7 @@ from analysis.weighing.averages import averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Nuisance
-from analysis.weighing.states import States, found_states, stretch_units
+from analysis.weighing.states import States, found_states, stretch_units, untold_states
 from estimators import prior_fit
 from estimators.changepoints import Units, units_of
 from estimators.prior_fit import Grouping, PriorFit
@@ -249,6 +249,8 @@ def with_states(
 ) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes."""
     number = np.unique(stretch_units(found.motion))
+    if not np.isfinite(found.fit.theta).all():
+        return replace(found, states=untold_states(number))
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
         terms = found.terms

@@ -121,7 +121,7 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         repeatability_kg: how manoeuvres of one load scatter, where the machine file knows.
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
-        return _untold(units, number)
+        return untold_states(number)
     typical_kg = float(np.median(np.abs(units.y)))
     found = partitions(
         _with_drift(units, _DRIFT * typical_kg), _LARGEST_LOAD * typical_kg, repeatability_kg
@@ -154,10 +154,10 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
     return replace(states, other=other.state, other_scatter_kg=other_kg)
 
 
-def _untold(units: Units, number: Ints) -> States:
-    """One state, of which nothing is known."""
-    one = np.zeros(number.size, np.int64)
-    return States(number, one, units.y, np.sqrt(units.variance), 0.0, 0.0, float("nan"))
+def untold_states(number: Ints) -> States:
+    """One state of these manoeuvres, of which nothing is known."""
+    one, nothing = np.zeros(number.size, np.int64), np.full(number.size, np.nan)
+    return States(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
 
 
 def _with_drift(units: Units, width_kg: float) -> Units:

@@ -6,7 +6,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing import joint_fit
-from benchmarks.honesty_rows import LOADER
+from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
 from replay.memory_log import MemoryLog, reading_memory
@@ -124,6 +124,13 @@ def test_an_empty_stretch_that_is_no_load_is_said():
     loads = loaded([0.0, 250.0], 4, (*POOLED, *span)).frames["loads"]
     assert loads["payload_to"].null_count() == 2
     assert "name no load" in loads["said"][0]
+
+
+def test_a_log_without_a_fit_has_one_state_and_no_number():
+    """Force that clips in every start determines nothing."""
+    log = row_log(Task("row", "force clipped", "loader", 96_662_000))
+    assert log.mass_kg is None
+    assert log.reason
 
 
 class TestRepeatability:
