@@ -162,7 +162,7 @@ def answer(
             _number(each["posterior"] / each["prior_std"]) or 0.0,
         )
         for each in found.iter_rows(named=True)
-        if each["posterior"] is not None
+        if each["posterior"] is not None and each["posterior_std"] is not None
     }
     withheld = load["withheld"] or not _finite(load["mass_kg"]) or not _finite(load["u_kg"])
     return Weighed(
