@@ -197,7 +197,7 @@ def loads_found(
     of, true = shown["load_id"].to_numpy()[inside], truth[at[inside]]
     found, real = np.diff(of) != 0, np.abs(np.diff(true)) > 1.0
     worst, deviations, payloads, payload_u = (0.0, first, float(truth[0])), [], [], []
-    base = next((row["payload_to"] for row in loads if row["payload_to"] is not None), None)
+    base = [row["load_id"] for row in loads if row["empty"]]
     for row in loads:
         mine = true[of == row["load_id"]]
         if row["withheld"] or not mine.size:
@@ -206,8 +206,8 @@ def loads_found(
         off = (row["mass_kg"] - masses) / row["u_kg"]
         deviations.append(float(off))
         worst = max(worst, (abs(off), row, float(masses)), key=lambda each: each[0])
-        if row["payload_to"] is not None and base is not None:
-            carried = mine.mean() - true[of == base].mean()
+        if base and not row["empty"]:
+            carried = mine.mean() - true[np.isin(of, base)].mean()
             payloads.append(float((row["payload_kg"] - carried) / row["payload_u_kg"]))
             payload_u.append(float(row["payload_u_kg"]))
     told = LoadsFound(

@@ -91,7 +91,9 @@ def drawn_of(
                 column = f"{series.column}_{extreme}"
                 drawn.append(Drawn(frame, column, f"{label}, {extreme}", colour, faint=True))
             label += ", mean"
-        dotted = frame in shown and stands_alone(shown[frame][series.column])
+        # a load may be one short start of a shift: too short for a line
+        dotted = series.frame in _FEW
+        dotted |= frame in shown and stands_alone(shown[frame][series.column])
         drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
     if drawn and view.threshold is not None:
         label = f"threshold {_threshold(run, view):g} {view.unit}"

@@ -357,7 +357,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         ),
         "loads": (
             "load_id start_t_ns end_t_ns manoeuvres u_random_kg u_common_kg "
-            "payload_u_random_kg payload_to scatter_kg scatter_known "
+            "payload_u_random_kg payload_to empty scatter_kg scatter_known "
             "friction_x_N_s_m friction_x_std_N_s_m "
             "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
             "scale_unknown withheld withheld_for said"

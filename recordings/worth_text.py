@@ -27,7 +27,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             _seconds(load["end_t_ns"]),
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
-            _payload(said, load),
+            _payload(load),
             _remark(load),
         )
         for load in said.loads
@@ -51,12 +51,19 @@ def worth_lines(said: Answer) -> list[str]:
     if len(said.loads) == 1:
         return load_lines(said.loads[0])
     lines = [f"{len(said.loads)} loads: this log has no one mass"] if said.loads else []
-    empty = _empty(said)
-    if empty is not None:
-        light = next(load for load in said.loads if load["load_id"] == empty)
-        mass = "" if light["mass_kg"] is None else plus_minus(light["mass_kg"], light["u_kg"])
-        known = f" ({mass} kg; --empty FROM:TO says when it was)" if mass else ""
-        lines.append(f"payloads are differences to load {empty}, taken as empty{known}")
+    empty = [load for load in said.loads if load.get("empty")]
+    if len(empty) == 1:
+        mass = empty[0]["mass_kg"]
+        known = "" if mass is None else f" ({plus_minus(mass, empty[0]['u_kg'])} kg)"
+        lines.append(
+            f"payloads are differences to load {empty[0]['load_id']}, taken as empty{known}; "
+            "--empty FROM:TO says when it was"
+        )
+    elif empty:
+        lines.append(
+            f"payloads are differences to the mean of {len(empty)} loads taken as empty; "
+            "--empty FROM:TO says when it was"
+        )
     known = [load for load in said.loads if load["mass_kg"] is not None]
     return lines + (_notes(known[0]) if known else [])
 
@@ -98,7 +105,7 @@ def goal_lines(said: Answer, goal_kg: float) -> list[str]:
     """How many manoeuvres would bring each load's number to ± `goal_kg`, by this log's figures."""
     lines: list[str] = []
     for load in said.loads:
-        if load["mass_kg"] is None:
+        if load["mass_kg"] is None or load.get("empty"):
             continue
         by_difference = load.get("payload_to") is not None
         name = "payload" if by_difference else "mass"
@@ -168,16 +175,10 @@ def advice(said: Answer) -> str | None:
     return f"the largest part is {said_of_it}; it would shrink with: {most['shrinks']}"
 
 
-def _empty(said: Answer) -> int | None:
-    return next(
-        (load["payload_to"] for load in said.loads if load.get("payload_to") is not None), None
-    )
-
-
-def _payload(said: Answer, load: Mapping[str, Any]) -> str:
+def _payload(load: Mapping[str, Any]) -> str:
     if load["payload_kg"] is None:
         return "–"
-    if load["load_id"] == _empty(said):
+    if load.get("empty"):
         return "empty"
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 

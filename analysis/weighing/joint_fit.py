@@ -102,12 +102,10 @@ class JointFit:
         """The state that most manoeuvres are of."""
         return 0 if self.states is None else int(np.bincount(self.states.of).argmax())
 
-    def weights(self, state: int, less: int | None = None) -> Floats:
-        """(masses,) that pick one mass, or its difference to another."""
+    def weights(self, state: int) -> Floats:
+        """(masses,) that pick one mass."""
         out = np.zeros(self.count)
         out[state] = 1.0
-        if less is not None:
-            out[less] -= 1.0
         return out
 
     def parts_kg(self, weights: Floats) -> dict[str, float]:

@@ -18,6 +18,8 @@ from analysis.weighing.weigh import Weighing
 _ALIKE: Final = 2.0
 #: and the heaviest is heavier by so many.
 _HEAVIER: Final = 3.0
+#: Others are as light within so many deviations of their difference.
+_AS_LIGHT: Final = 3.0
 _NOT_EMPTY: Final = (
     "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
     "machine's empty mass"
@@ -39,12 +41,12 @@ def loads(
         return _no_load(verdict)
     fit = weighing.fit
     times = _times(fit, excitation)
-    empty = empty_state(weighing, times, machine)
+    empty = empty_states(weighing, times, machine)
     rows = [
         _load(weighing, state, empty, times[state], machine, verdict) for state in range(fit.count)
     ]
     said = _said(fit, machine)
-    if machine.settings.loads.empty_from_s is not None and empty is None:
+    if machine.settings.loads.empty_from_s is not None and not empty:
         said = "; ".join(filter(None, (_NOT_EMPTY, said)))
     said = pl.Series("said", [said] * len(rows))
     return build("loads", {**pl.DataFrame(rows, infer_schema_length=None).to_dict(), "said": said})
@@ -77,36 +79,66 @@ def changes(weighing: Weighing | None) -> list[int]:
     return used[np.flatnonzero(np.diff(of) != 0) + 1].tolist()
 
 
-def empty_state(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> int | None:
-    """The state of this log that carries nothing; None where there is none, or no telling.
+def empty_states(weighing: Weighing, times: list[tuple[int, int]], machine: Machine) -> list[int]:
+    """The states of this log that carry nothing; none where there are none, or no telling.
 
-    Where `settings.loads` says when the machine was empty, the state that most of that time is of.
-    Else the lightest of several, if its mass is the machine's own as far as both are known, and
-    they are known well enough that the heaviest would not pass for it.
+    Where `settings.loads` says when the machine was empty, the states that lie mostly in that time,
+    or the one that most of it is of. Else the lightest of several, if its mass is the machine's own
+    as far as both are known, and they are known well enough that the heaviest would not pass for
+    it; and those that are as light. The lightest of many alone would be the one that errs most.
     """
     fit, body, settings = weighing.fit, machine.machine, machine.settings.loads
     if fit.count < 2:
-        return None
+        return []
     if settings.empty_from_s is not None and settings.empty_to_s is not None:
         first, last = settings.empty_from_s * 1e9, settings.empty_to_s * 1e9
         shared = [min(last, end) - max(first, begin) for begin, end in times]
+        inside = [
+            state for state, (begin, end) in enumerate(times) if 2 * shared[state] > end - begin
+        ]
         most = int(np.argmax(shared))
-        return most if shared[most] > 0 else None
+        return inside or ([most] if shared[most] > 0 else [])
     if body.empty_mass_kg is None:
-        return None
+        return []
     lightest = int(np.argmin(fit.masses_kg))
     apart_kg = abs(float(fit.masses_kg[lightest]) - body.rotating_mass_kg - body.empty_mass_kg)
     u_kg = combined(budget(weighing, machine, fit.weights(lightest)))
     u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
     carried_kg = float(np.ptp(fit.masses_kg))
-    alike = apart_kg <= _ALIKE * u_kg and carried_kg >= _HEAVIER * u_kg
-    return lightest if alike else None
+    if apart_kg > _ALIKE * u_kg or carried_kg < _HEAVIER * u_kg:
+        return []
+    return _as_light(weighing, lightest, machine)
+
+
+def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
+    """The states whose mass is that of the lightest, by what is random of the difference."""
+    fit = weighing.fit
+    found = [lightest]
+    for state in np.argsort(fit.masses_kg, kind="stable").tolist():
+        if state == lightest:
+            continue
+        weights = _against(weighing, state, found)
+        random_kg = combined(budget(weighing, machine, weights), "random")
+        if float(weights @ fit.masses_kg) > _AS_LIGHT * random_kg:
+            break
+        found.append(state)
+    return sorted(found)
+
+
+def _against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+    """(masses,) weights of a mass less the mean of others, by how many manoeuvres each has."""
+    states = weighing.fit.states
+    assert states is not None
+    count = np.bincount(states.of).astype(np.float64)
+    weights = weighing.fit.weights(state)
+    weights[empty] -= count[empty] / count[empty].sum()
+    return weights
 
 
 def _load(
     weighing: Weighing,
     state: int,
-    empty: int | None,
+    empty: list[int],
     times: tuple[int, int],
     machine: Machine,
     verdict: Verdict,
@@ -142,7 +174,8 @@ def _load(
         "end_t_ns": times[1],
         "manoeuvres": int((states.of == state).sum()),
         **{name: None if withheld else value for name, value in numbers.items()},
-        "payload_to": None if withheld or empty == state else empty,
+        "payload_to": empty[0] if empty and not withheld else None,
+        "empty": state in empty,
         "scatter_kg": states.scatter_kg if states.freedom > 0 and not withheld else None,
         "scatter_known": states.scatter_known,
         "mean_samples": fit.mean_samples,
@@ -154,20 +187,20 @@ def _load(
 
 
 def _payload(
-    weighing: Weighing, state: int, empty: int | None, machine: Machine
+    weighing: Weighing, state: int, empty: list[int], machine: Machine
 ) -> dict[str, float | None]:
-    """Payload and its uncertainty: to an empty state, or to the machine's empty mass."""
+    """Payload and its uncertainty: to the empty states, or to the machine's empty mass."""
     fit, body = weighing.fit, machine.machine
     names = ("payload_kg", "payload_u_kg", "payload_u_random_kg")
-    if empty is not None:
-        weights = fit.weights(state, empty)
+    if empty:
+        weights = _against(weighing, state, empty)
         sources = budget(weighing, machine, weights)
         numbers = (
             float(weights @ fit.masses_kg),
             combined(sources),
             combined(sources, "random"),
         )
-        return dict(zip(names, numbers if empty != state else (0.0, 0.0, 0.0), strict=True))
+        return dict(zip(names, numbers, strict=True))
     if body.empty_mass_kg is None:
         return dict.fromkeys(names)
     sources = budget(weighing, machine, fit.weights(state))
@@ -244,6 +277,7 @@ def _no_load(verdict: Verdict) -> pl.DataFrame:
         "withheld": not verdict.can_weigh,
         "withheld_for": "no manoeuvre of this log was informative enough",
         "scatter_known": False,
+        "empty": False,
         "said": "",
     }
     columns = FRAMES["loads"].columns

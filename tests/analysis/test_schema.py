@@ -69,7 +69,7 @@ def test_a_name_says_the_dtype():
     words += ("first", "second", "consequence", "remedy", "scale_unknown", "withheld_for")
     words += ("term", "unit", "cause", "shrinks", "said")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
-    truths += ("braking_left_out", "scatter_known")
+    truths += ("braking_left_out", "scatter_known", "empty")
     dtypes = {
         **dict.fromkeys(whole, pl.Int64),
         **dict.fromkeys(words, pl.String),

@@ -52,7 +52,8 @@ class TestTwoLoads:
         assert abs(full["payload_kg"] - 250.0) < 3.0 * full["payload_u_kg"]
         # nearly all that is common cancels
         assert full["payload_u_kg"] < 6.0 < 20.0 < full["u_kg"]
-        assert [row["payload_to"] for row in (empty, full)] == [None, 0]
+        assert [row["payload_to"] for row in (empty, full)] == [0, 0]
+        assert [row["empty"] for row in (empty, full)] == [True, False]
         assert empty["payload_kg"] == 0.0
 
     def test_a_states_time_is_that_of_its_manoeuvres(self, two):
@@ -70,6 +71,14 @@ class TestTwoLoads:
         for load in two.frames["loads"].iter_rows(named=True):
             own = two.frames["budget"].filter(pl.col("load_id") == load["load_id"])
             assert np.sqrt((own["u_kg"].drop_nulls() ** 2).sum()) == pytest.approx(load["u_kg"])
+
+
+def test_every_empty_pass_counts_and_not_the_lightest_alone():
+    loads = loaded([0.0, 400.0, 0.1, 500.0, 0.2], 3).frames["loads"]
+    assert loads["empty"].to_list() == [True, False, True, False, True]
+    payload, u = loads["payload_kg"].to_numpy(), loads["payload_u_kg"].to_numpy()
+    assert abs(payload[[0, 2, 4]].sum()) < 1e-6
+    assert (np.abs(payload - [0.0, 400.0, 0.0, 500.0, 0.0]) < 3.0 * u).all()
 
 
 def test_the_empty_state_is_the_one_that_is_named():
