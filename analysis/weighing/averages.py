@@ -70,7 +70,7 @@ def averages(
         slip_1_N: share of the ground's speed that a newton makes the wheels slip.
     """
     rows = np.arange(motion.force.size, dtype=np.float64)
-    force = motion.later(lag_s).force
+    force = motion.with_force_moved_back(lag_s).force
     raw = Moments(
         motion.acceleration,
         motion.speed,

@@ -99,15 +99,17 @@ class Equation:
             without_gravity=None if level is None else level[cut],
         )
 
-    def later(self, lag_s: float) -> "Equation":
+    def with_force_moved_back(self, lag_s: float) -> "Equation":
         """The same with the force moved back by how late it is."""
-        rows = np.arange(self.force.size, dtype=np.float64)
-        return replace(self, force=np.interp(rows + lag_s * self.rate_hz, rows, self.force))
+        return replace(self, force=self._moved_back(self.force, lag_s))
 
-    def earlier_speed(self, delay_s: float) -> "Equation":
+    def with_speed_moved_back(self, delay_s: float) -> "Equation":
         """The same with the speed moved back by how late it is."""
-        rows = np.arange(self.speed.size, dtype=np.float64)
-        return replace(self, speed=np.interp(rows + delay_s * self.rate_hz, rows, self.speed))
+        return replace(self, speed=self._moved_back(self.speed, delay_s))
+
+    def _moved_back(self, x: Floats, late_s: float) -> Floats:
+        rows = np.arange(x.size, dtype=np.float64)
+        return np.interp(rows + late_s * self.rate_hz, rows, x)
 
     @property
     def used(self) -> Bools:

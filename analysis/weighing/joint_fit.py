@@ -195,7 +195,8 @@ def joint_fit(
     samples = best.mean_samples
     if abs(best.lag_s) > _SHORT_LAG_S:
         # slip is of the force at that moment
-        whole = replace(whole, wheels=kinematics(motion.later(best.lag_s), noise, priors))
+        in_time = motion.with_force_moved_back(best.lag_s)
+        whole = replace(whole, wheels=kinematics(in_time, noise, priors))
     share = _averaging_share(first, lengths.index(samples))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:

@@ -130,7 +130,7 @@ def _compared(
         about = abs(slip_1_N) + float(wide.std[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + wide.theta[2], -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
-        rows = _rows(measured, motion.earlier_speed(delay_s), noise, slip_1_N) or rows
+        rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
         wide = solved(rows, _WIDE_GAIN, about, delay_s)
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
