@@ -1,6 +1,6 @@
 """What the mass' uncertainty is made of: the fit's parts, and what no log can tell (its scale)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -198,14 +198,9 @@ def doubts(weighing: Weighing, weights: Floats) -> dict[str, float]:
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
-    if leans_kg > _LEANS * combined_kg(fit.parts_kg(weights)):
+    if leans_kg > _LEANS * fit.u_of(weights):
         found["priors"] = leans_kg
     return found
-
-
-def combined_kg(parts_kg: Mapping[str, float]) -> float:
-    """The root sum of squares."""
-    return float(np.sqrt(sum(part**2 for part in parts_kg.values())))
 
 
 def unknown_scale(sources: list[UncertaintySource]) -> list[str]:

@@ -173,8 +173,11 @@ class JointFit:
     @property
     def u_kg(self) -> float:
         """That mass' standard uncertainty by this log alone, without the scale."""
-        parts = self.parts_kg(self.weights(self.main))
-        return float(np.sqrt(sum(part**2 for part in parts.values())))
+        return self.u_of(self.weights(self.main))
+
+    def u_of(self, weights: Floats) -> float:
+        """Likewise of a sum of masses, in kg."""
+        return float(np.sqrt(sum(part**2 for part in self.parts_kg(weights).values())))
 
 
 def joint_fit(
@@ -252,8 +255,7 @@ def with_states(
         return replace(found, states=untold_states(number))
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
-        terms = found.terms
-        task = _Task(found.motion, noise, priors, terms, found.kinematics, found.states)
+        task = _Task(found.motion, noise, priors, found.terms, found.kinematics, found.states)
         lag_s = found.lag_s if found.shifted else 0.0
         units = task.units(found.mean_samples, lag_s, found.friction[0])
         states = found_states(units, number, repeatability_kg)

@@ -247,7 +247,7 @@ def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.D
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well
-    shift_kg = fit.masses_kg - _mean_levels(states)
+    shift_kg = fit.masses_kg - states.means_kg
     return build(
         "manoeuvres",
         {
@@ -258,13 +258,6 @@ def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.D
             "mass_std_kg": states.std_kg,
         },
     )
-
-
-def _mean_levels(states: States) -> Floats:
-    """The mass of each state by its manoeuvres."""
-    weight = 1.0 / (states.std_kg**2 + states.scatter_kg**2)
-    total = np.bincount(states.of, weights=weight)
-    return np.bincount(states.of, weights=weight * states.level_kg) / total
 
 
 def _no_load(verdict: Verdict) -> pl.DataFrame:

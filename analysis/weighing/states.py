@@ -67,6 +67,12 @@ class States:
         return int(self.of.max()) + 1
 
     @property
+    def means_kg(self) -> Floats:
+        """(states,) the mass of each by its manoeuvres."""
+        weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
+        return _means(self.level_kg, weight, self.of)
+
+    @property
     def scatters(self) -> bool:
         """Whether manoeuvres disagree by more than chance lets them."""
         if not 0 < self.freedom < np.inf:
@@ -184,6 +190,11 @@ def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:
     return repeatability_kg is not None or not (few and doubted)
 
 
+def _means(level: Floats, weight: Floats, state: Ints) -> Floats:
+    """Weighted means by state, (states,)."""
+    return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
+
+
 def _scatter(level: Floats, variance: Floats, state: Ints) -> tuple[float, float, float]:
     """Scatter about the states (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
     freedom = level.size - int(state.max()) - 1
@@ -192,8 +203,7 @@ def _scatter(level: Floats, variance: Floats, state: Ints) -> tuple[float, float
 
     def excess(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
-        total = np.bincount(state, weights=weight)
-        mean = np.bincount(state, weights=weight * level) / total
+        mean = _means(level, weight, state)
         return float(weight @ (level - mean[state]) ** 2) / freedom
 
     ratio = float(np.sqrt(excess(0.0)))
