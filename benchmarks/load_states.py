@@ -21,6 +21,8 @@ from estimators.changepoints import Units
 
 NOISE_KG: Final = 15.0
 MASS_KG: Final = 3700.0
+#: What the machine carries, so that a load is a load.
+MOST_KG: Final = 1200.0
 SCATTERS: Final = (0.0, 1.0, 3.0)
 #: Jumps in deviations of one manoeuvre, noise and scatter together.
 JUMPS: Final = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 9.0, 12.0)
@@ -76,8 +78,12 @@ def changing(
     sizes = fewest + dice.multinomial(
         int(dice.integers(0, max(60 - fewest * states, 0) + 1)), np.full(states, 1.0 / states)
     )
-    steps = jump * NOISE_KG * np.hypot(1.0, scatter) * dice.choice([-1.0, 1.0], states - 1)
-    return np.repeat(np.arange(states), sizes), MASS_KG + np.append(0.0, np.cumsum(steps))
+    step_kg = jump * NOISE_KG * np.hypot(1.0, scatter)
+    load_kg = [0.0]
+    for up in dice.choice([-1.0, 1.0], states - 1):
+        next_kg = load_kg[-1] + up * step_kg
+        load_kg.append(next_kg if 0.0 <= next_kg <= MOST_KG else load_kg[-1] - up * step_kg)
+    return np.repeat(np.arange(states), sizes), MASS_KG + np.array(load_kg)
 
 
 def changes(found: States, drawn: Drawn) -> np.ndarray:

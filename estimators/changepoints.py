@@ -3,32 +3,42 @@
 Each unit (a manoeuvre, say) has y = level + x β + δ + ε: ε of a known variance v, δ the scatter
 between units of one level, β effects that all units share and about which the units know something
 of their own. The partition is the one with the largest posterior probability. Its prior is not
-tuned: every number of changes is as likely as any other, and so is every choice of as many places
-(Scott & Berger 2010, Bayes and empirical-Bayes multiplicity adjustment); a level is anything within
-`spread`; scatter is half-Cauchy with the scale of the units' own deviation (Gelman 2006, Prior
-distributions for variance parameters). Given β and the scatter it is found exactly, by optimal
-partitioning (Jackson et al. 2005, An algorithm for optimal partitioning of data on an interval).
+tuned: one level is as likely as several, of these every rate of changes is as likely as any other,
+and so is every choice of as many places
+(Scott & Berger 2010, Bayes and empirical-Bayes multiplicity adjustment), but where scatter is not
+known at most every other unit begins a level, since scatter and a level for each are the same
+thing. Levels are normal about a mean of their own, how far apart is the series' to say, up to
+`spread` (Gelman 2006, Prior distributions for variance parameters); scatter is half-Cauchy with the
+scale of the units' own deviation (the same). Given β and the scatter the partition is found
+exactly (`optimal_partition`). Of the most probable partition only the changes are kept that are
+sure, one after another.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaln, logsumexp
+from scipy.special import betainc, betaln, logsumexp
 
 from estimators.autocorrelation import pooled_autocorrelation
-from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.group_sums import GroupSums, NoiseMoments
+from estimators.optimal_partition import optimal_partition
 from estimators.sandwich import meat
 
 #: Scatter that is tried, over the units' own deviation, where it is not known.
 _SCATTERS: Final = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0, 50.0)
 #: Probabilities of a change by which candidates are made; the posterior chooses.
 _CANDIDATES: Final = (0.02, 0.2, 0.5)
-#: Scatter's prior: half-Cauchy of so many of the units' own deviations.
-_SCATTER: Final = 6.0
+#: How far levels are apart, over their spread: as a window, and as a standard deviation.
+_WINDOWS: Final = (1.0, 0.1)
+_DEVIATIONS: Final = 0.5 ** np.arange(6)
+#: Changes a unit, at most, where scatter is not known.
+_MOST_CHANGES: Final = 0.5
+_TINY: Final = float(np.finfo(np.float64).tiny)
+_HALF: Final = float(np.log(0.5))
 _ROUNDS: Final = 10
 #: Rounds of residuals and their variance.
 _NOISE_ROUNDS: Final = 3
@@ -36,6 +46,9 @@ _NOISE_ROUNDS: Final = 3
 _MANY: Final = 5
 #: Of a unit's sum of squares at least this share is no noise.
 _LEAST_OWN: Final = 0.1
+#: A change is said where it is at least so much likelier than none, as a logarithm.
+_SURE: Final = float(np.log(20.0))
+_LEAST_CHANGES: Final = 20
 #: No change is ruled out for good, but for this much it takes evidence.
 _NEVER: Final = 1e9
 
@@ -172,7 +185,7 @@ class Partitions:
     """The best partition and those it was chosen from.
 
     Attributes:
-        best: the most probable.
+        best: the most probable, less the changes that are not sure.
         single: with one level.
         single_probability: how probable one level is, among all that were tried, each at its best
             scatter.
@@ -194,27 +207,60 @@ def partitions(units: Units, spread: float, scatter: float | None = None) -> Par
     n = units.y.size
     typical = float(np.sqrt(np.median(units.variance)))
     scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
-    one = np.zeros(n, np.int64)
+    one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
     begin = [_effects(units, one, units.variance), _effects(units, np.arange(n), units.variance)]
+    most = 1.0 if scatter is not None else _MOST_CHANGES
+
+    def judged(state: Ints, tau: float) -> Partition:
+        variance = units.variance + tau**2
+        posterior = _log_posterior(units, state, variance, spread)
+        posterior += _log_prior(units.kind, np.diff(state) > 0, most)
+        if scatter is None:
+            posterior -= float(np.log1p((tau / typical) ** 2))
+        effects = _effects(units, state, variance)
+        return Partition(state, _levels(units, state, variance, effects), tau, effects, posterior)
+
     found: dict[bytes, Partition] = {}
     for tau in scatters:
-        prior = -np.log1p((tau / typical / _SCATTER) ** 2) if scatter is None else 0.0
         variance = units.variance + tau**2
-        tried: set[bytes] = {one.tobytes()}
+        tried: set[bytes] = {one.tobytes(), each_own.tobytes()}
         for effects in begin:
             for probability in _CANDIDATES:
-                tried |= _alternated(units, variance, spread, probability, effects)
+                for window in _WINDOWS:
+                    tried |= _alternated(units, variance, window * spread, probability, effects)
         for key in tried:
-            state = np.frombuffer(key, np.int64)
-            posterior = prior + _log_posterior(units, state, variance, spread)
-            if key not in found or posterior > found[key].log_posterior:
-                effects = _effects(units, state, variance)
-                levels = _levels(units, state, variance, effects)
-                found[key] = Partition(state, levels, tau, effects, posterior)
+            each = judged(np.frombuffer(key, np.int64), tau)
+            if key not in found or each.log_posterior > found[key].log_posterior:
+                found[key] = each
     best = max(found.values(), key=lambda each: each.log_posterior)
     single = found[one.tobytes()]
     logs = np.array([each.log_posterior for each in found.values()])
-    return Partitions(best, single, float(np.exp(single.log_posterior - logsumexp(logs))))
+    probability = float(np.exp(single.log_posterior - logsumexp(logs)))
+    return Partitions(_sure(best, judged), single, probability)
+
+
+def _sure(best: Partition, judged: Callable[[Ints, float], Partition]) -> Partition:
+    """The same without the changes that are not sure, the least of them first."""
+    while best.states > 1:
+        first = np.flatnonzero(np.diff(best.state)) + 1
+        least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[:_LEAST_CHANGES]
+        # each change alone, and both of a level, which lets its neighbours be one
+        joints = [first[k : k + many] for k in least for many in (1, 2)]
+        plainer = max(
+            (judged(_joined(best.state, joint), best.scatter) for joint in joints),
+            key=lambda each: each.log_posterior,
+        )
+        if plainer.log_posterior < best.log_posterior - _SURE:
+            break
+        best = plainer
+    return best
+
+
+def _joined(state: Ints, at: Ints) -> Ints:
+    """The same states without the changes before these units."""
+    changes = np.diff(state, prepend=0)
+    changes[at] = 0
+    return np.cumsum(changes)
 
 
 def _alternated(
@@ -225,53 +271,13 @@ def _alternated(
     cost[units.kind == 0] = _NEVER
     tried: set[bytes] = set()
     for _ in range(_ROUNDS):
-        state = _optimal(units.y - units.x @ effects, 1.0 / variance, cost, spread)
+        state = optimal_partition(units.y - units.x @ effects, 1.0 / variance, cost, spread)
         key = state.tobytes()
         if key in tried:
             break
         tried.add(key)
         effects = _effects(units, state, variance)
     return tried
-
-
-@compiled
-def _optimal(level: Floats, weight: Floats, cost: Floats, spread: float) -> Ints:
-    """The partition of least cost: Σ w (y - ȳ)² + log(W L²/2π) a level, and the changes' own."""
-    n = level.size
-    w, wy, wyy = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-    middle = level.mean()
-    for k in range(n):
-        y = level[k] - middle
-        w[k + 1] = w[k] + weight[k]
-        wy[k + 1] = wy[k] + weight[k] * y
-        wyy[k + 1] = wyy[k] + weight[k] * y * y
-    best = np.zeros(n + 1)
-    before = np.zeros(n + 1, np.int64)
-    for end in range(1, n + 1):
-        least = np.inf
-        for begin in range(end):
-            inside, sums = w[end] - w[begin], wy[end] - wy[begin]
-            total = best[begin] + wyy[end] - wyy[begin] - sums * sums / inside
-            total += np.log(inside * spread * spread / (2.0 * np.pi))
-            if begin > 0:
-                total += cost[begin - 1]
-            if total < least:
-                least = total
-                before[end] = begin
-        best[end] = least
-    state = np.zeros(n, np.int64)
-    end = n
-    while end > 0:
-        begin = before[end]
-        for k in range(begin, end):
-            state[k] = begin
-        end = begin
-    number, last = -1, -1
-    for k in range(n):
-        if state[k] != last:
-            number, last = number + 1, state[k]
-        state[k] = number
-    return state
 
 
 def _sums(values: Floats, state: Ints) -> Floats:
@@ -304,27 +310,44 @@ def _levels(units: Units, state: Ints, variance: Floats, effects: Floats) -> Flo
 
 
 def _log_posterior(units: Units, state: Ints, variance: Floats, spread: float) -> float:
-    """Of the partition, levels and β integrated out; up to a constant of the series."""
+    """Of the partition, levels and β integrated out, less its prior; up to a constant."""
     gram, cross = _between(units, state, variance)
     whole, right = units.gram + gram, units.cross + cross
     effects = np.asarray(np.linalg.solve(whole, right), np.float64)
     weight = 1.0 / variance
-    left = units.y - units.x @ effects
-    left = left - _levels(units, state, variance, effects)[state]
+    levels = _levels(units, state, variance, effects)
+    left = units.y - units.x @ effects - levels[state]
     # β's own misfit is that of its normal equations, up to a constant
     misfit = float(weight @ left**2) + float(
         effects @ units.gram @ effects - 2.0 * effects @ units.cross
     )
-    levels = np.log(_sums(weight, state) * spread**2 / (2.0 * np.pi)).sum()
-    logs = np.log(variance).sum() + levels + float(np.linalg.slogdet(whole)[1])
-    return -0.5 * (misfit + float(logs)) + _log_prior(units.kind, np.diff(state) > 0)
+    own = 1.0 / _sums(weight, state)
+    logs = np.log(variance).sum() - np.log(2.0 * np.pi * own).sum()
+    logs += float(np.linalg.slogdet(whole)[1])
+    return -0.5 * (misfit + float(logs)) + _log_of_levels(levels, own, spread)
 
 
-def _log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
-    """Every number of changes alike, and every choice of as many among places of a kind."""
-    total = 0.0
+def _log_of_levels(level: Floats, variance: Floats, spread: float) -> float:
+    """How probable levels are that are known with a variance each, all deviations alike."""
+    if level.size == 1:
+        return -float(np.log(spread))
+    each = (_DEVIATIONS[:, None] * spread) ** 2 + variance
+    total = (1.0 / each).sum(axis=1)
+    mean = (level / each).sum(axis=1) / total
+    misfit = ((level - mean[:, None]) ** 2 / each).sum(axis=1)
+    logs = np.log(2.0 * np.pi * each).sum(axis=1) + np.log(total / (2.0 * np.pi))
+    return float(logsumexp(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
+
+
+def _log_prior(kind: Ints, changes: NDArray[np.bool_], most: float) -> float:
+    """One level as likely as several; then every rate of changes up to `most`, and every place."""
+    if not changes.any():
+        return _HALF
+    total = _HALF
     for each in np.unique(kind[kind > 0]):
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
-        # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
-        total += float(betaln(used + 1, places - used + 1))
+        # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp from 0 to `most`
+        shape = used + 1, places - used + 1
+        share = max(float(betainc(*shape, most)), _TINY)
+        total += float(betaln(*shape)) + float(np.log(share / most))
     return total

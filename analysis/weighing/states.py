@@ -16,7 +16,7 @@ from estimators.prior_fit import Levels
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
 #: Gains drift by about so much over a log, which is no change of load.
-_DRIFT: Final = 0.005
+_DRIFT: Final = 0.01
 #: Fewer manoeuvres tell no drift from a change.
 _FEWEST_OF_DRIFT: Final = 6
 _NO_DRIFT_KG: Final = 1e-6

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from estimators.changepoints import Units, partitions, units_of
+from estimators.changepoints import Units, _log_posterior, _log_prior, partitions, units_of
 
 SPREAD = 1200.0
 STD = 15.0
@@ -27,6 +27,12 @@ def state_of(levels, **more):
     return partitions(units(levels, **more), SPREAD).best.state.tolist()
 
 
+def log_posterior(drawn, state):
+    """Of a partition, where manoeuvres do not scatter."""
+    prior = _log_prior(drawn.kind, np.diff(state) > 0, 1.0)
+    return _log_posterior(drawn, state, drawn.variance, SPREAD) + prior
+
+
 class TestPartitions:
     def test_one_load_is_one_state(self):
         assert state_of([3600.0] * 9) == [0] * 9
@@ -44,10 +50,9 @@ class TestPartitions:
         assert found.best.scatter > 2.0 * STD
 
     @pytest.mark.parametrize("seed", range(5))
-    def test_the_partition_is_the_best_of_all(self, seed):
+    def test_the_partition_is_the_best_of_all(self, seed, monkeypatch):
         """Against every partition of seven manoeuvres, at the scatter that is known."""
-        from estimators.changepoints import _log_posterior
-
+        monkeypatch.setattr("estimators.changepoints._SURE", 0.0)
         drawn = units([3600.0, 3600.0, 3640.0, 3640.0, 3640.0, 3700.0, 3700.0], seed=seed)
         found = partitions(drawn, SPREAD, 0.0).best
         places = range(1, 7)
@@ -56,8 +61,14 @@ class TestPartitions:
             for changes in range(7)
             for cut in combinations(places, changes)
         ]
-        best = max(every, key=lambda state: _log_posterior(drawn, state, drawn.variance, SPREAD))
+        best = max(every, key=lambda state: log_posterior(drawn, state))
         assert found.state.tolist() == best.tolist()
+
+    def test_a_change_that_is_not_sure_is_not_said(self):
+        drawn = units([3600.0] * 3 + [3640.0] * 3, seed=6)
+        two = np.repeat([0, 1], 3)
+        assert log_posterior(drawn, two) > log_posterior(drawn, np.zeros(6, np.int64))
+        assert partitions(drawn, SPREAD, 0.0).best.states == 1
 
     def test_an_offset_in_alternating_directions_is_no_change(self):
         direction = np.array([1.0, -1.0] * 5)
