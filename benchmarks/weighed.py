@@ -202,10 +202,11 @@ def loads_found(
         mine = true[of == row["load_id"]]
         if row["withheld"] or not mine.size:
             continue
-        masses = mine[np.argmax(np.abs(row["mass_kg"] - mine))]
-        off = (row["mass_kg"] - masses) / row["u_kg"]
-        deviations.append(float(off))
-        worst = max(worst, (abs(off), row, float(masses)), key=lambda each: each[0])
+        # a state's mass is that of its starts in their mean; an answer is as good as its worst
+        deviations.append(float((row["mass_kg"] - mine.mean()) / row["u_kg"]))
+        farthest = float(mine[np.argmax(np.abs(row["mass_kg"] - mine))])
+        off = abs(row["mass_kg"] - farthest) / row["u_kg"]
+        worst = max(worst, (off, row, farthest), key=lambda each: each[0])
         if base and not row["empty"]:
             carried = mine.mean() - true[np.isin(of, base)].mean()
             payloads.append(float((row["payload_kg"] - carried) / row["payload_u_kg"]))

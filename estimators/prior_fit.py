@@ -65,11 +65,13 @@ class Grouping:
         direction: (n,) sign by which what a group misses is compared with the others; None: 1.
         shortest: groups of fewer samples tell nothing of their own.
         levels: of the first parameter; None gives it one, and widens by groups that disagree.
+        taken: (n, q) columns that were taken off each group's response and columns; None: none.
     """
 
     direction: Floats | None = None
     shortest: int = 50
     levels: Levels | None = None
+    taken: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +162,9 @@ def fit(
     one = np.zeros(len(sums.rows), np.int64)
     shape = _Shape(Levels(one, np.arange(one.size)) if levels is None else levels, p, scale[0])
     precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
+    believed = precision * prior_mean * scale
     try:
-        solved = _solved(A, f, group, sums, shape, precision, precision * prior_mean * scale)
+        solved = _solved(A, f, group, sums, shape, precision, believed, grouping.taken)
     except np.linalg.LinAlgError:
         return _nothing(p + count - 1, f.size)
     theta, bread, gain, residual, correlation, white, share, kept, turned = solved
@@ -348,6 +351,7 @@ def _solved(
     shape: _Shape,
     precision: Floats,
     believed: Floats,
+    taken: Floats | None,
 ) -> _Solved:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
 
@@ -388,8 +392,8 @@ def _solved(
         theta = bread @ (weighed @ turned.bare + wide_believed)
         own = shape.by_group(theta)
         residual = np.where(used, f - np.einsum("ni,ni->n", A, own[index]), 0.0)
-        # with few parameters to many samples, what the fit takes out is nothing
-        correlation, _ = pooled_autocorrelation(residual, group, None)
+        # what a fit of few parameters takes out of many groups is nothing
+        correlation, _ = pooled_autocorrelation(residual, group, taken)
         white = float(residual @ residual) / (n - theta.size)
         gain = bread @ weighed
         solved = _Solved(theta, bread, gain, residual, correlation, white, share, kept, turned)

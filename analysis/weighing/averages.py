@@ -26,8 +26,34 @@ _ROWS_A_MEAN: Final = 8
 _SHORTEST: Final = 50
 #: A derivative of the force is noise below so many of its deviations.
 _RATE_COUNTS: Final = 4.0
+#: No transfer of load takes more of the force away.
+_LEAST_GAIN: Final = 0.5
 #: Samples of the parabola that gives the derivative.
 _RATE_SAMPLES: Final = 9
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierRounds:
+    """What earlier rounds found, on which columns that are products depend.
+
+    Attributes:
+        lag_s: how late the force is.
+        slip_1_N: share of the ground's speed that a newton makes the wheels slip.
+        transfer_s2_m: share of the force that the measured wheels gain a m/s² of acceleration.
+        offset_N: what the measured force is too large by.
+        slip_s_m: what slip costs, as a share of the force a m/s.
+    """
+
+    lag_s: float = 0.0
+    slip_1_N: float = 0.0
+    transfer_s2_m: float = 0.0
+    offset_N: float = 0.0
+    slip_s_m: float = 0.0
+
+    def acting(self, motion: Equation) -> Floats:
+        """The force on the ground, (n,) in N, of a motion whose force is in time."""
+        gain = 1.0 + self.transfer_s2_m * motion.acceleration
+        return (motion.force - self.offset_N) / np.maximum(gain, _LEAST_GAIN)
 
 
 @dataclass(frozen=True)
@@ -55,33 +81,34 @@ def averages(
     motion: Equation,
     noise: NoiseOfColumns,
     terms: tuple[Nuisance, ...],
-    lag_s: float,
     samples: int,
-    slip_1_N: float,
+    found: EarlierRounds,
 ) -> Averages:
-    """Average the columns with the force moved back by a lag.
+    """Average the columns with the force moved back by its lag.
 
     Args:
         motion: the samples.
         noise: of acceleration, speed and force.
         terms: the nuisances.
-        lag_s: how late the force is.
         samples: longest mean.
-        slip_1_N: share of the ground's speed that a newton makes the wheels slip.
+        found: by earlier rounds.
     """
     rows = np.arange(motion.force.size, dtype=np.float64)
-    force = motion.with_force_moved_back(lag_s).force
+    in_time = motion.with_force_moved_back(found.lag_s)
+    force, acting = in_time.force, found.acting(in_time)
     raw = Moments(
         motion.acceleration,
         motion.speed,
-        ground_speed(motion.speed, force, slip_1_N),
-        force,
+        ground_speed(motion.speed, acting, found.slip_1_N),
+        acting,
         _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
         motion.direction,
         rows / rows.size - 0.5,
+        found.slip_s_m,
+        found.transfer_s2_m,
     )
     stride = max(1, samples // _ROWS_A_MEAN)
-    group = _under_way(motion.group, math.ceil(abs(lag_s) * motion.rate_hz))
+    group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
     kept = _thinned(group, stride)
 
     def mean(x: Floats) -> Floats:

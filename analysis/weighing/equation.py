@@ -28,10 +28,12 @@ _LOOK_BACK_S: Final = 0.3
 #: Speeds above so many deviations of their noise move.
 _MOVES: Final = 4.0
 _LEAST_SPEED_M_S: Final = 0.01
-#: Samples after the break-away that resampling may have mixed with the standstill.
-_MIXED: Final = 1
-#: Likewise where a zero-phase low-pass reached across it.
+#: So long after a break-away friction is not sure to be that of motion: noise shows where it is to
+#: a few samples, and resampling mixes them with the standstill.
+_MIXED_S: Final = 0.05
+#: Samples likewise, at least, where a zero-phase low-pass reached across it, and elsewhere.
 _MIXED_FILTERED: Final = 3
+_MIXED: Final = 1
 #: Samples beside a gap that are not fitted.
 _CLEAR: Final = 10
 #: Wheels of which less rolls say nothing of the ground's speed.
@@ -161,12 +163,13 @@ def equation(
     group = _fitted(excitation, gated, machine, braking=braking)
     filtered = any(channel.derivative_of for channel in machine.channels.values())
     mixed = _MIXED_FILTERED if filtered else _MIXED
+    settled = max(mixed, round(_MIXED_S * settings.align.rate_hz))
     group = _from_break_away(
         group,
         np.where(known, speed, 0.0),
         max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S),
         round(_LOOK_BACK_S * settings.align.rate_hz),
-        mixed,
+        settled,
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     near_gap = windows_with(~known, _CLEAR) | windows_with(~known[::-1], _CLEAR)[::-1]
@@ -243,7 +246,7 @@ def _fitted(
 
 
 def _from_break_away(
-    group: Ints, speed: Floats, moves_m_s: float, look_back: int, mixed: int
+    group: Ints, speed: Floats, moves_m_s: float, look_back: int, settled: int
 ) -> Ints:
     """Begin every manoeuvre where its speed leaves the noise, not where the phase saw it."""
     smooth = np.abs(np.convolve(speed, np.ones(3) / 3.0, "same")) > moves_m_s
@@ -255,8 +258,8 @@ def _from_break_away(
         ):
             first -= 1
         if first < begin:
-            grown[first + mixed : begin] = group[begin]
-            grown[first : first + mixed] = -1
+            grown[first:begin] = group[begin]
+            grown[first : first + settled] = -1
     return grown
 
 

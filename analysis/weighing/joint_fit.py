@@ -6,10 +6,10 @@ from typing import Final
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.averages import averages
+from analysis.weighing.averages import EarlierRounds, averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
-from analysis.weighing.nuisances import NUISANCES, Nuisance
+from analysis.weighing.nuisances import NUISANCES, Nuisance, offset_in_const
 from analysis.weighing.states import States, found_states, stretch_units, untold_states
 from estimators import prior_fit
 from estimators.changepoints import Units, units_of
@@ -19,6 +19,8 @@ from estimators.prior_fit import Grouping, PriorFit
 MEANS: Final = (5, 10, 20, 40, 80, 160)
 #: Rounds of finding the lag, moving the force back by it, and fitting again.
 _ROUNDS: Final = 4
+#: Of the fits that choose the mean: a lag that is not made up for would choose.
+_PILOT_ROUNDS: Final = 2
 #: Likewise of load states and the fit that takes the nuisances off.
 _STATE_ROUNDS: Final = 4
 #: With more noise than this in a direction of its columns a mean is too short.
@@ -55,6 +57,7 @@ class JointFit:
         motion: what was fitted.
         lag_shape_kg: (masses,) what it would change to take a lag for a low-pass instead of a
             delay, or the other way round, where neither makes up for it; else 0.
+        found: what the columns were made with in the end.
         shifted: whether the force was moved back by the lag.
         averaging_share: what a longer mean changes, where the mass depends on its length.
     """
@@ -67,6 +70,7 @@ class JointFit:
     mean_samples: int
     motion: Equation
     lag_shape_kg: Floats
+    found: EarlierRounds
     shifted: bool = True
     averaging_share: float = 0.0
 
@@ -133,17 +137,41 @@ class JointFit:
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }
+        parts |= self._of_wheels(wide, parts["slip"])
         wheels = self.kinematics
-        if wheels is not None:
-            if self.motion.by_accelerometer:
-                friction = max(self.friction[0], 0.0)
-                parts["speed_delay"] = friction * wheels.delay_s[1] * abs(float(weights.sum()))
+        if wheels is not None and wheels.gain_counts:
             # a wrong wheel radius is in the force, and in a speed's derivative once more
             times = 1.0 if self.motion.by_accelerometer else 2.0
-            if wheels.gain_counts:
-                parts["gain"] = times * abs(wheels.gain[0] * mass_kg)
-            elif self.corrects_gain:
-                parts["gain"] = wheels.gain_by_prior[1] * abs(mass_kg)
+            parts["gain"] = times * abs(wheels.gain[0] * mass_kg)
+        return parts
+
+    def _of_wheels(self, weights: Floats, slip_kg: float) -> dict[str, float]:
+        """What slip, gain and delay, found together, do to a sum of masses, in kg.
+
+        They go together: the part of each is what is left of it once those before are known.
+        """
+        wheels, friction = self.kinematics, max(self.friction[0], 0.0)
+        if wheels is None or not wheels.goes_together:
+            return {}
+        slip = self.count + 1 + _place("slip", self.terms)
+        # one standard deviation of the prior moves the masses by so much
+        response = float(self.fit.responses[slip] @ weights)
+        width = self.prior_std[_place("slip", self.terms)]
+        masses_kg = float(weights[: self.count] @ self.masses_kg)
+        by_accelerometer = self.motion.by_accelerometer
+        moves = np.array(
+            [
+                -friction * response / width,
+                -masses_kg if self.corrects_gain else 0.0,
+                -friction * float(weights.sum()) if by_accelerometer else 0.0,
+            ]
+        )
+        found = moves @ np.linalg.cholesky(wheels.covariance)
+        of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
+        beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
+        parts = {"slip": float(np.hypot(found[0], beside))}
+        if by_accelerometer:
+            parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
         return parts
 
     @property
@@ -190,16 +218,17 @@ def joint_fit(
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
-    first = [part.fitted(samples, 1) for samples in lengths]
+    first = [part.fitted(samples, _PILOT_ROUNDS) for samples in lengths]
     telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
     best = next(found for found in telling if not found.u_kg > _NEARLY * least_kg)
     samples = best.mean_samples
-    if abs(best.lag_s) > _SHORT_LAG_S:
-        # slip is of the force at that moment
+    if abs(best.lag_s) > _SHORT_LAG_S or best.found.transfer_s2_m:
+        # slip is of the force on the ground at that moment
         in_time = motion.with_force_moved_back(best.lag_s)
-        whole = replace(whole, wheels=kinematics(in_time, noise, priors))
+        acting = replace(in_time, force=best.found.acting(in_time))
+        whole = replace(whole, wheels=kinematics(acting, noise, priors))
     share = _averaging_share(first, lengths.index(samples))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:
@@ -256,8 +285,7 @@ def with_states(
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
         task = _Task(found.motion, noise, priors, found.terms, found.kinematics, found.states)
-        lag_s = found.lag_s if found.shifted else 0.0
-        units = task.units(found.mean_samples, lag_s, found.friction[0])
+        units = task.units(found.mean_samples, found.found, found.friction[0])
         states = found_states(units, number, repeatability_kg)
         if states.count == 1 and found.count == 1:
             return again(replace(found, states=states), noise, priors)
@@ -298,13 +326,14 @@ class _Task:
         levels = None if self.states is None else self.states.levels(self.motion)
         # behind the masses and friction
         first = 2 if levels is None else levels.count + 1
-        lag_s = begin.lag_s if begin and shift else 0.0
+        known = begin.found if begin else EarlierRounds(slip_1_N=self._slip())
+        known = known if shift else replace(known, lag_s=0.0)
         fitted = None
         friction = begin.friction[0] if begin else None
         for number in range(rounds):
             mean, std = self._priors(friction)
-            mean[lag] = -lag_s
-            rows = averages(self.motion, self.noise, self.terms, lag_s, samples, self._slip())
+            mean[lag] = -known.lag_s
+            rows = averages(self.motion, self.noise, self.terms, samples, known)
             fitted = prior_fit.fit(
                 rows.A,
                 rows.f,
@@ -315,16 +344,15 @@ class _Task:
                 Grouping(rows.direction, rows.shortest, levels),
             )
             friction = float(fitted.theta[first - 1])
-            found = float(fitted.theta[first + lag])
-            if not np.isfinite(found):
+            if not np.isfinite(fitted.theta).all():
                 break
-            lag_s = float(np.clip(lag_s + found, -_LONGEST_LAG_S, _LONGEST_LAG_S)) if shift else 0.0
-            if number and abs(found) < _LAG_FOUND_S:
+            known, moved = self._found(known, fitted.theta[first:], shift=shift)
+            if number and moved < _LAG_FOUND_S:
                 break
         assert fitted is not None
         theta = fitted.theta.copy()
         if shift:
-            theta[first + lag] = lag_s
+            theta[first + lag] = known.lag_s
         fit = replace(fitted, theta=theta)
         return JointFit(
             self.terms,
@@ -335,15 +363,32 @@ class _Task:
             samples,
             self.motion,
             np.zeros(first - 1),
+            known,
             shifted=shift,
         )
 
-    def units(self, samples: int, lag_s: float, friction: float) -> Units:
-        """What each manoeuvre says of its mass, at the lag that was found."""
+    def _found(
+        self, before: EarlierRounds, terms: Floats, *, shift: bool
+    ) -> tuple[EarlierRounds, float]:
+        """What a round found, and how far the lag moved by it."""
+        by_name = dict(zip((term.name for term in self.terms), terms.tolist(), strict=True))
+        late_s = by_name["lag"]
+        lag_s = float(np.clip(before.lag_s + late_s, -_LONGEST_LAG_S, _LONGEST_LAG_S))
+        after = replace(
+            before,
+            lag_s=lag_s if shift else 0.0,
+            transfer_s2_m=by_name.get("load_transfer", 0.0),
+            offset_N=offset_in_const(self.motion, self.priors)[0] * by_name["const"],
+            slip_s_m=by_name["slip"],
+        )
+        return after, abs(late_s)
+
+    def units(self, samples: int, found: EarlierRounds, friction: float) -> Units:
+        """What each manoeuvre says of its mass, by what a fit found."""
         mean, std = self._priors(friction)
         lag = _place("lag", self.terms)
-        mean[lag] = -lag_s
-        rows = averages(self.motion, self.noise, self.terms, lag_s, samples, self._slip())
+        mean[lag] = -found.lag_s
+        rows = averages(self.motion, self.noise, self.terms, samples, found)
         return units_of(
             rows.A,
             rows.f,

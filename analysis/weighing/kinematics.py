@@ -23,6 +23,8 @@ from estimators.prior_fit import Grouping
 
 #: Means of so many samples are compared, and manoeuvres shorter than ten of them are not.
 _MEAN: Final = 10
+#: Of so many samples the noise is what adds up.
+_ADDED_UP: Final = 100
 #: Means so near hold nearly the same.
 _EVERY: Final = 3
 #: A gain is looked for without leaning on its prior: this wide.
@@ -54,6 +56,8 @@ class Kinematics:
         delay_s: how late the speed is.
         slip_1_N: 1 / C, what share of its speed a newton makes the wheels slip.
         gain_counts: whether the gain is more than its prior and the log's noise allow.
+        covariance: (3, 3) of slip, gain (with its prior) and delay: what is taken for one is
+            not taken for another.
         mismatch: residuals over the speed's noise; above 3 slip and delay are not taken from here.
     """
 
@@ -62,6 +66,7 @@ class Kinematics:
     delay_s: tuple[float, float]
     slip_1_N: tuple[float, float]
     gain_counts: bool
+    covariance: Floats
     mismatch: float
 
     @property
@@ -111,18 +116,19 @@ def _compared(
 ) -> Kinematics | None:
     slip_std = priors.wheel_slip / motion.largest_force
 
-    def solved(rows: _Rows, gain_std: float, slip_1_N: float, delay_s: float) -> prior_fit.PriorFit:
+    def widths(gain_std: float, slip_1_N: float) -> Floats:
         offset = slip_1_N * const_width(motion, priors)
-        widths = np.array([gain_std, slip_std, priors.speed_delay_s, offset])
-        told = Grouping(shortest=10 * _MEAN // _EVERY)
-        mean = np.array([0.0, 0.0, -delay_s, 0.0])
-        return prior_fit.fit(*rows, mean, widths, told)
+        return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
+
+    def solved(rows: _Rows, std: Floats, delay_s: float) -> prior_fit.PriorFit:
+        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=_lines(rows[2]))
+        return prior_fit.fit(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
     rows = _rows(measured, motion, noise, 0.0)
     if rows is None:
         return None
     delay_s, about = 0.0, slip_std
-    wide = solved(rows, _WIDE_GAIN, about, delay_s)
+    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s)
     largest = _MOST_SLIP / motion.largest_force
     for _ in range(_PASSES):
         # the slip is of the ground's speed, and an offset matters by what slip there is
@@ -131,21 +137,55 @@ def _compared(
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + wide.theta[2], -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
         rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
-        wide = solved(rows, _WIDE_GAIN, about, delay_s)
+        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s)
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
     counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
-    found = wide if counts else solved(rows, priors.gain, about, delay_s)
-    values = list(zip(found.theta[:3].tolist(), found.std[:3].tolist(), strict=True))
+    std = widths(_WIDE_GAIN if counts else priors.gain, about)
+    found = wide if counts else solved(rows, std, delay_s)
+    # a few manoeuvres do not show how far noise that adds up has led them
+    least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
+    widened = np.maximum(least / found.std, 1.0)
+    covariance = found.covariance * np.outer(widened, widened)
+    values = list(
+        zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
+    )
     return Kinematics(
         gain=(float(wide.theta[0]), float(wide.std[0])),
         gain_by_prior=values[0],
         slip_1_N=values[1],
         delay_s=(delay_s + values[2][0], values[2][1]),
         gain_counts=counts,
+        covariance=covariance[np.ix_([1, 0, 2], [1, 0, 2])],
         mismatch=mismatch,
     )
+
+
+def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: float) -> Floats:
+    """Standard deviations by what the instruments' noise does alone, (4,).
+
+    An accelerometer's noise adds up over a manoeuvre, and what is fitted follows it, so that few
+    manoeuvres' residuals show less of it.
+    """
+    X, _, group, _ = rows
+    of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * _EVERY
+    of_speed = noise.covariance(_MEAN)[1, 1] * _MEAN / _EVERY
+    scale = np.maximum(np.sqrt((X**2).sum(axis=0)), np.finfo(np.float64).tiny)
+    X = X / scale
+    added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in group_rows(group)])
+    scores = of_mean * added.T @ added + of_speed * X.T @ X
+    gram = X.T @ X
+    variance = float(np.trace(scores)) / X.shape[1]
+    prior = np.diag((prior_std * scale) ** -2.0)
+    bread = np.linalg.pinv(gram / variance + prior)
+    covariance = bread @ (scores / variance**2 + prior) @ bread
+    return np.sqrt(np.diag(covariance)) / scale
+
+
+def _lines(group: Ints) -> Floats:
+    """A constant and a slope for each stretch, (rows, 2)."""
+    return np.concatenate([_line(part.size) for part in group_rows(group)])
 
 
 @cache

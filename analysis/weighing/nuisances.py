@@ -12,6 +12,9 @@ import numpy as np
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats
 
+#: An offset of which nothing is left to find.
+_LEAST_OFFSET_N: Final = 1e-3
+
 
 @dataclass(frozen=True)
 class Moments:
@@ -21,10 +24,12 @@ class Moments:
         acceleration: in m/s².
         speed: in m/s.
         ground_speed: the same without the slip that the wheels are known to have.
-        force: in N, moved back by the lag.
-        force_rate: its derivative where it is more than noise, in N/s.
+        force: that acts on the ground, in N, in time.
+        force_rate: derivative of the measured force where it is more than noise, in N/s.
         direction: of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
+        slip_s_m: what slip was found to cost, as a share of the force a m/s.
+        transfer_s2_m: what load transfer was found to add to the force, likewise a m/s².
     """
 
     acceleration: Floats
@@ -34,6 +39,8 @@ class Moments:
     force_rate: Floats
     direction: Floats
     progress: Floats
+    slip_s_m: float
+    transfer_s2_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +79,31 @@ def const_width(motion: Equation, priors: PriorSettings) -> float:
             priors.const_share * motion.largest_force, priors.const_weight_share * motion.weight
         )
     )
+
+
+def direction_width(motion: Equation, priors: PriorSettings) -> float:
+    """Standard deviation of Coulomb friction's prior, in N."""
+    return float(
+        np.hypot(
+            priors.direction_share * motion.largest_force,
+            priors.direction_weight_share * motion.weight,
+        )
+    )
+
+
+def offset_in_const(motion: Equation, priors: PriorSettings) -> tuple[float, float]:
+    """Which share of a constant force is an error of the measured one, and what is not known of it.
+
+    By the priors alone: the log tells the sum of what is measured wrong and of what acts.
+
+    Returns:
+        The share expected, and the standard deviation in N.
+    """
+    wrong = priors.const_share * motion.largest_force
+    coulomb = 0.0 if motion.both_ways else direction_width(motion, priors)
+    acts = float(np.hypot(priors.const_weight_share * motion.weight, coulomb))
+    both = float(np.hypot(wrong, acts))
+    return ((wrong / both) ** 2, wrong * acts / both) if both else (0.0, 0.0)
 
 
 #: In the order of the fit's parameters; a fit has those that apply to its log.
@@ -124,9 +156,7 @@ NUISANCES: Final = (
         "direction",
         "N",
         lambda m: m.direction,
-        lambda e, s: np.hypot(
-            s.direction_share * e.largest_force, s.direction_weight_share * e.weight
-        ),
+        direction_width,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
         applies=lambda e: e.both_ways,
@@ -141,6 +171,17 @@ NUISANCES: Final = (
         by_force=lambda m: m.acceleration,
         by_acceleration=lambda m: m.force,
         applies=lambda e: e.force_share < 1.0,
+    ),
+    Nuisance(
+        "offset",
+        "N",
+        lambda m: -m.slip_s_m * np.abs(m.speed) - m.transfer_s2_m * m.acceleration,
+        lambda e, s: max(offset_in_const(e, s)[1], _LEAST_OFFSET_N),
+        "what the constant force has of an error of the measured force, beside what is expected "
+        "of it: neither slip nor load transfer act on it",
+        "a measured force that is zeroed",
+        by_speed=lambda m: -m.slip_s_m * np.sign(m.speed),
+        by_acceleration=lambda m: np.full(m.speed.size, -m.transfer_s2_m),
     ),
 )
 
