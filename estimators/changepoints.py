@@ -4,14 +4,12 @@ Each unit (a manoeuvre, say) has y = level + x β + δ + ε: ε of a known varia
 between units of one level, β effects that all units share and about which the units know something
 of their own. The partition is the one with the largest posterior probability. Its prior is not
 tuned: one level is as likely as several, of these every rate of changes is as likely as any other,
-and so is every choice of as many places
-(Scott & Berger 2010, Bayes and empirical-Bayes multiplicity adjustment), but where scatter is not
-known at most every other unit begins a level, since scatter and a level for each are the same
-thing. Levels are normal about a mean of their own, how far apart is the series' to say, up to
-`spread` (Gelman 2006, Prior distributions for variance parameters); scatter is half-Cauchy with the
-scale of the units' own deviation (the same). Given β and the scatter the partition is found
-exactly (`optimal_partition`). Of the most probable partition only the changes are kept that are
-sure, one after another.
+and so is every choice of as many places (Scott & Berger 2010, Bayes and empirical-Bayes
+multiplicity adjustment). Levels are normal about a mean of their own, how far apart is the series'
+to say, up to `spread` (Gelman 2006, Prior distributions for variance parameters). Scatter is
+half-normal: it and a level for each unit are the same thing, and only its size tells them apart.
+Given β and the scatter the partition is found exactly (`optimal_partition`). Of the most probable
+one only the changes are kept that are sure, one after another.
 """
 
 from collections.abc import Callable
@@ -20,7 +18,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betainc, betaln, logsumexp
+from scipy.special import betaln, logsumexp
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.estimate import Floats, Ints
@@ -35,9 +33,6 @@ _CANDIDATES: Final = (0.02, 0.2, 0.5)
 #: How far levels are apart, over their spread: as a window, and as a standard deviation.
 _WINDOWS: Final = (1.0, 0.1)
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
-#: Changes a unit, at most, where scatter is not known.
-_MOST_CHANGES: Final = 0.5
-_TINY: Final = float(np.finfo(np.float64).tiny)
 _HALF: Final = float(np.log(0.5))
 _ROUNDS: Final = 10
 #: Rounds of residuals and their variance.
@@ -63,8 +58,8 @@ class Units:
         variance: (n,) of y by the unit alone.
         gram: (r, r) information about β within units and from its prior.
         cross: (r,) likewise its right-hand side.
-        kind: (n - 1,) of each boundary: 0 no change can be there, else places of one kind are
-            alike (a hint of a boom, say, is another kind than a standstill).
+        kind: (n - 1,) of each boundary: 0 no change can be there, 1 only the units tell one, 2 and
+            more what tells it besides; places of a kind are alike.
     """
 
     y: Floats
@@ -196,27 +191,29 @@ class Partitions:
     single_probability: float
 
 
-def partitions(units: Units, spread: float, scatter: float | None = None) -> Partitions:
+def partitions(
+    units: Units, spread: float, usual: float, scatter: float | None = None
+) -> Partitions:
     """Find the most probable partition.
 
     Args:
         units: in their order.
         spread: how far apart levels may be.
-        scatter: standard deviation between units of one level; None where it is not known.
+        usual: standard deviation between units of one level as it usually is.
+        scatter: the same where it is known.
     """
     n = units.y.size
     typical = float(np.sqrt(np.median(units.variance)))
     scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
     begin = [_effects(units, one, units.variance), _effects(units, np.arange(n), units.variance)]
-    most = 1.0 if scatter is not None else _MOST_CHANGES
 
     def judged(state: Ints, tau: float) -> Partition:
         variance = units.variance + tau**2
         posterior = _log_posterior(units, state, variance, spread)
-        posterior += _log_prior(units.kind, np.diff(state) > 0, most)
+        posterior += _log_prior(units.kind, np.diff(state) > 0)
         if scatter is None:
-            posterior -= float(np.log1p((tau / typical) ** 2))
+            posterior -= (tau / usual) ** 2 / 2.0
         effects = _effects(units, state, variance)
         return Partition(state, _levels(units, state, variance, effects), tau, effects, posterior)
 
@@ -339,15 +336,20 @@ def _log_of_levels(level: Floats, variance: Floats, spread: float) -> float:
     return float(logsumexp(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
 
 
-def _log_prior(kind: Ints, changes: NDArray[np.bool_], most: float) -> float:
-    """One level as likely as several; then every rate of changes up to `most`, and every place."""
-    if not changes.any():
-        return _HALF
-    total = _HALF
+def _log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
+    """No change as likely as some; then every rate of changes, and every choice of places.
+
+    Where something else tells a change, the rate of changes is as likely as it is high.
+    """
+    total = 0.0
     for each in np.unique(kind[kind > 0]):
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
-        # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp from 0 to `most`
-        shape = used + 1, places - used + 1
-        share = max(float(betainc(*shape, most)), _TINY)
-        total += float(betaln(*shape)) + float(np.log(share / most))
+        if each > 1:
+            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp
+            total += float(betaln(used + 2, places - used + 1)) - _HALF
+        elif used:
+            # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
+            total += float(betaln(used + 1, places - used + 1)) + _HALF
+        else:
+            total += _HALF
     return total

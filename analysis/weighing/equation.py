@@ -67,6 +67,7 @@ class Equation:
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
         weight: of the machine without load, in N; of what this log says where it is not known.
+        boom: its angle in rad, where the log has it: a hint of where the load changes.
     """
 
     acceleration: Floats
@@ -81,6 +82,7 @@ class Equation:
     by_accelerometer: bool
     force_share: float
     weight: float
+    boom: Floats | None = None
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -99,6 +101,7 @@ class Equation:
             unit=self.unit[cut],
             specific_force=None if measured is None else measured[cut],
             without_gravity=None if level is None else level[cut],
+            boom=None if self.boom is None else self.boom[cut],
         )
 
     def with_force_moved_back(self, lag_s: float) -> "Equation":
@@ -192,6 +195,7 @@ def equation(
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
+        values(aligned, "boom_rad") if "boom_rad" in aligned.columns else None,
     )
 
 

@@ -10,7 +10,7 @@ from analysis.weighing.averages import EarlierRounds, averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Nuisance, offset_in_const
-from analysis.weighing.states import States, found_states, stretch_units, untold_states
+from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators import prior_fit
 from estimators.changepoints import Units, units_of
 from estimators.prior_fit import Grouping, PriorFit
@@ -279,14 +279,14 @@ def with_states(
     found: JointFit, noise: NoiseOfColumns, priors: PriorSettings, repeatability_kg: float | None
 ) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes."""
-    number = np.unique(stretch_units(found.motion))
+    number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.fit.theta).all():
         return replace(found, states=untold_states(number))
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
         task = _Task(found.motion, noise, priors, found.terms, found.kinematics, found.states)
         units = task.units(found.mean_samples, found.found, found.friction[0])
-        states = found_states(units, number, repeatability_kg)
+        states = found_states(replace(units, kind=hints), number, repeatability_kg)
         if states.count == 1 and found.count == 1:
             return again(replace(found, states=states), noise, priors)
         found = joint_fit(found.motion, noise, priors, states)

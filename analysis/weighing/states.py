@@ -15,6 +15,9 @@ from estimators.prior_fit import Levels
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
+#: Manoeuvres of one load repeat to about so much of the machine's mass: those who sell scales for
+#: loaders state one or two percent.
+_REPEATS: Final = 0.02
 #: Gains drift by about so much over a log, which is no change of load.
 _DRIFT: Final = 0.01
 #: Fewer manoeuvres tell no drift from a change.
@@ -25,6 +28,8 @@ FEWEST_FREEDOM: Final = 4
 #: Of the two readings one is doubted when it is less probable than the first and more than this.
 _DOUBTED: Final = 0.05
 _ROUNDS: Final = 60
+#: A boom that moves by so much between two manoeuvres may have loaded or dumped.
+_BOOM_MOVES_RAD: Final = 0.15
 #: Samples of a manoeuvre that tells a mass.
 _TELLS: Final = 50
 #: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
@@ -118,6 +123,28 @@ def stretch_units(motion: Equation) -> Ints:
     return number[np.where(last < 0, np.argmax(tells), last)][of]
 
 
+def places(motion: Equation) -> Ints:
+    """What tells a change of load between one manoeuvre and the next, (units - 1,).
+
+    Returns:
+        1 where only the masses can, 2 where the boom moved as well.
+    """
+    group = stretch_units(motion)[motion.group[motion.used]]
+    used = np.flatnonzero(motion.used)
+    next_one = np.flatnonzero(np.diff(group) > 0)
+    if motion.boom is None:
+        return np.ones(next_one.size, np.int64)
+    between = zip(used[next_one], used[next_one + 1], strict=True)
+    moved = [_range(motion.boom[end : begin + 1]) > _BOOM_MOVES_RAD for end, begin in between]
+    return 1 + np.array(moved, np.int64)
+
+
+def _range(x: Floats) -> float:
+    """From the least to the largest that is known, 0 where nothing is."""
+    known = x[np.isfinite(x)]
+    return float(np.ptp(known)) if known.size else 0.0
+
+
 def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> States:
     """Find the states.
 
@@ -130,7 +157,10 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         return untold_states(number)
     typical_kg = float(np.median(np.abs(units.y)))
     found = partitions(
-        _with_drift(units, _DRIFT * typical_kg), _LARGEST_LOAD * typical_kg, repeatability_kg
+        _with_drift(units, _DRIFT * typical_kg),
+        _LARGEST_LOAD * typical_kg,
+        _REPEATS * typical_kg,
+        repeatability_kg,
     )
     chosen = _chosen(found, repeatability_kg)
     best = found.best if chosen else found.single

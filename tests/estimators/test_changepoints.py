@@ -8,6 +8,7 @@ import pytest
 from estimators.changepoints import Units, _log_posterior, _log_prior, partitions, units_of
 
 SPREAD = 1200.0
+USUAL = 72.0
 STD = 15.0
 
 
@@ -24,12 +25,12 @@ def units(levels, seed=0, scatter=0.0, effect=None, kind=None):
 
 
 def state_of(levels, **more):
-    return partitions(units(levels, **more), SPREAD).best.state.tolist()
+    return partitions(units(levels, **more), SPREAD, USUAL).best.state.tolist()
 
 
 def log_posterior(drawn, state):
     """Of a partition, where manoeuvres do not scatter."""
-    prior = _log_prior(drawn.kind, np.diff(state) > 0, 1.0)
+    prior = _log_prior(drawn.kind, np.diff(state) > 0)
     return _log_posterior(drawn, state, drawn.variance, SPREAD) + prior
 
 
@@ -45,7 +46,7 @@ class TestPartitions:
         assert state_of(levels) == [0] * 3 + [1] * 3 + [2] * 3
 
     def test_manoeuvres_that_scatter_alike_are_one_state(self):
-        found = partitions(units([3600.0] * 20, scatter=60.0), SPREAD)
+        found = partitions(units([3600.0] * 20, scatter=60.0), SPREAD, USUAL)
         assert found.best.states == 1
         assert found.best.scatter > 2.0 * STD
 
@@ -54,7 +55,7 @@ class TestPartitions:
         """Against every partition of seven manoeuvres, at the scatter that is known."""
         monkeypatch.setattr("estimators.changepoints._SURE", 0.0)
         drawn = units([3600.0, 3600.0, 3640.0, 3640.0, 3640.0, 3700.0, 3700.0], seed=seed)
-        found = partitions(drawn, SPREAD, 0.0).best
+        found = partitions(drawn, SPREAD, USUAL, 0.0).best
         places = range(1, 7)
         every = [
             np.searchsorted(np.array(cut), np.arange(7), "right").astype(np.int64)
@@ -68,7 +69,7 @@ class TestPartitions:
         drawn = units([3600.0] * 3 + [3640.0] * 3, seed=6)
         two = np.repeat([0, 1], 3)
         assert log_posterior(drawn, two) > log_posterior(drawn, np.zeros(6, np.int64))
-        assert partitions(drawn, SPREAD, 0.0).best.states == 1
+        assert partitions(drawn, SPREAD, USUAL, 0.0).best.states == 1
 
     def test_an_offset_in_alternating_directions_is_no_change(self):
         direction = np.array([1.0, -1.0] * 5)
@@ -84,18 +85,25 @@ class TestPartitions:
 
     def test_single_manoeuvres_are_told_apart_where_scatter_is_known(self):
         drawn = units([3600.0, 3850.0, 3600.0])
-        assert partitions(drawn, SPREAD, 0.0).best.states == 3
+        assert partitions(drawn, SPREAD, USUAL, 0.0).best.states == 3
         # else three loads and one that scatters are about as likely
-        assert 0.05 < partitions(drawn, SPREAD).single_probability < 0.95
+        assert 0.05 < partitions(drawn, SPREAD, USUAL).single_probability < 0.95
+
+    def test_a_hint_tells_single_manoeuvres_apart(self):
+        levels = [3600.0, 3850.0] * 6
+        for seed in range(5):
+            assert partitions(units(levels, seed=seed), SPREAD, USUAL).best.states < 12
+            hinted = units(levels, seed=seed, kind=[2] * 11)
+            assert partitions(hinted, SPREAD, USUAL).best.states == 12
 
     def test_where_nothing_can_tell_both_are_probable(self):
-        found = partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD)
+        found = partitions(units([3600.0] * 2 + [3680.0] * 2, seed=3), SPREAD, USUAL)
         assert 0.02 < found.single_probability < 0.999
 
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_a_log_without_a_change_is_hardly_ever_split(self, scatter):
         states = [
-            partitions(units([3600.0] * 12, seed=seed, scatter=scatter), SPREAD).best.states
+            partitions(units([3600.0] * 12, seed=seed, scatter=scatter), SPREAD, USUAL).best.states
             for seed in range(50)
         ]
         assert np.mean(np.array(states) == 1) >= 0.94
