@@ -1,0 +1,203 @@
+"""The line of a calibration with every effect that scatters its points."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.calibration.distance_regression import StraightLine, distance_regression
+from analysis.calibration.variance_components import (
+    Floats,
+    Variances,
+    Within,
+    restricted_likelihood,
+)
+
+Ints = NDArray[np.int64]
+
+_ROUNDS: Final = 20
+#: A slope that moves by less than this share of its own deviation has settled.
+_SETTLED: Final = 1e-6
+#: Variance of rounding, as a share of the largest mass: keeps exact points from having none.
+_ROUNDING: Final = 1e-10
+
+#: The effects that scatter points, in their order.
+REPEATABILITY: Final = "repeatability"
+RUN: Final = "run to run"
+DAY: Final = "day to day"
+LACK_OF_FIT: Final = "lack of fit"
+#: What the references are not known to, which scatters nothing later.
+REFERENCES: Final = "references"
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Means of runs.
+
+    Attributes:
+        y_kg: (points,) mean of a run's readings.
+        readings: (points,) how many they are.
+        load: (points,) index of the load on board.
+        day: (points,) index of the day.
+        reference_kg: (loads,) references.
+        covariance_kg2: (loads, loads) of the references.
+        within: the readings about their means.
+    """
+
+    y_kg: Floats
+    readings: Ints
+    load: Ints
+    day: Ints
+    reference_kg: Floats
+    covariance_kg2: Floats
+    within: Within
+
+    @property
+    def x_kg(self) -> Floats:
+        """(points,) reference of each."""
+        return self.reference_kg[self.load]
+
+    @property
+    def x_cov_kg2(self) -> Floats:
+        """(points, points) covariance of these: runs with one load share its error."""
+        return self.covariance_kg2[np.ix_(self.load, self.load)]
+
+    @property
+    def days(self) -> int:
+        """How many days there are."""
+        return np.unique(self.day).size
+
+    def effect(self, name: str) -> Floats:
+        """(points, points) covariance of the points for a variance of 1 of an effect."""
+        if name == REPEATABILITY:
+            return np.diag(1.0 / self.readings)
+        if name == RUN:
+            return np.eye(self.y_kg.size)
+        of = self.day if name == DAY else self.load
+        return (of[:, None] == of[None, :]).astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """One effect that scatters points.
+
+    Attributes:
+        name: of the effect.
+        variance_kg2: of one draw of it.
+        on_line: (2, 2) what a variance of 1 gives the covariance of level and slope.
+        estimated: whether its variance is one of `FittedLine.variances`, in their order.
+        scatters: whether a later run draws it anew: all but the references and the common error.
+    """
+
+    name: str
+    variance_kg2: float
+    on_line: Floats
+    estimated: bool
+    scatters: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class FittedLine:
+    """y = level + slope (x - centre), and where its uncertainty comes from."""
+
+    centre_kg: float
+    level_kg: float
+    slope_1: float
+    effects: tuple[Effect, ...]
+    variances: Variances
+    chi2: float
+    freedom: int
+    residual_kg: Floats
+    point_covariance_kg2: Floats
+    adjusted_kg: Floats
+
+
+def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tuple[str, ...]:
+    """The effects whose variance the points can tell, with so many parameters fitted to them.
+
+    Days are told apart from runs where there are several, and several runs in one of them.
+    """
+    names: list[str] = []
+    count, days = points.y_kg.size, points.days
+    if points.within.freedom:
+        names.append(REPEATABILITY)
+    several = 1 < days < count and not day_known
+    if count - parameters - (days - 1 if several else 0) > 0:
+        names.append(RUN)
+        if several:
+            names.append(DAY)
+    return tuple(names)
+
+
+def fit_line(
+    points: Points, *, day_known_kg: float | None = None, lack_of_fit: bool = False
+) -> FittedLine:
+    """Fit line and variances together.
+
+    Args:
+        points: means of runs.
+        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+        lack_of_fit: whether each load has a deviation of its own from the line.
+    """
+    names = estimated_effects(points, 2, day_known=day_known_kg is not None)
+    if lack_of_fit:
+        names = (*names, LACK_OF_FIT)
+    structures = {name: points.effect(name) for name in names}
+    x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2
+    centre_kg = float(x.mean())
+    known = np.eye(y.size) * (_ROUNDING * np.abs(y).max()) ** 2
+    if day_known_kg is not None:
+        structures[DAY] = points.effect(DAY)
+        known = known + day_known_kg**2 * structures[DAY]
+    effects = np.array([structures[name] for name in names])
+    slope = float(np.polyfit(x - centre_kg, y, 1)[0])
+    design = np.column_stack([np.ones_like(x), x - centre_kg])
+    residual = y
+    for _ in range(_ROUNDS):
+        variances = restricted_likelihood(
+            residual, design, effects, known + slope**2 * x_cov, points.within
+        )
+        y_cov = np.tensordot(variances.value, effects, 1) + known
+        line = distance_regression(x - centre_kg, y, x_cov, y_cov)
+        moved, slope = abs(line.slope - slope), line.slope
+        design = np.column_stack([np.ones_like(x), line.x])
+        residual = line.residual
+        if not x_cov.any() or moved <= _SETTLED * np.sqrt(line.covariance[1, 1]):
+            break
+    point_covariance = y_cov + slope**2 * x_cov
+    return FittedLine(
+        centre_kg=centre_kg,
+        level_kg=line.intercept,
+        slope_1=slope,
+        effects=_effects(line, names, structures, variances, point_covariance, x_cov, day_known_kg),
+        variances=variances,
+        chi2=line.chi2,
+        freedom=line.freedom,
+        residual_kg=line.residual,
+        point_covariance_kg2=point_covariance,
+        adjusted_kg=line.x + centre_kg,
+    )
+
+
+def _effects(
+    line: StraightLine,
+    names: tuple[str, ...],
+    structures: dict[str, Floats],
+    variances: Variances,
+    point_covariance: Floats,
+    x_cov: Floats,
+    day_known_kg: float | None,
+) -> tuple[Effect, ...]:
+    design = np.column_stack([np.ones_like(line.x), line.x])
+    # (2, points): how level and slope follow each point
+    gain = line.covariance @ np.linalg.solve(point_covariance, design).T
+    found = [
+        Effect(name, float(variance), gain @ structures[name] @ gain.T, estimated=True)
+        for name, variance in zip(names, variances.value, strict=True)
+    ]
+    if day_known_kg is not None:
+        on_line = gain @ structures[DAY] @ gain.T
+        found.append(Effect(DAY, day_known_kg**2, on_line, estimated=False))
+    on_line = line.slope**2 * gain @ x_cov @ gain.T
+    return (*found, Effect(REFERENCES, 1.0, on_line, estimated=False, scatters=False))

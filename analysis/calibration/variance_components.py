@@ -1,0 +1,132 @@
+"""Variances of several random effects by restricted maximum likelihood (REML)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_ITERATIONS: Final = 60
+#: A change of every variance below this share of their sum ends the iteration.
+_SMALL: Final = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Within:
+    """What single readings say of their own variance: a sum of squares about their means.
+
+    Attributes:
+        squares: the sum, in kg².
+        freedom: readings less means.
+    """
+
+    squares: float
+    freedom: int
+
+
+@dataclass(frozen=True, eq=False)
+class Variances:
+    """Variances of the effects.
+
+    Attributes:
+        value: (effects,) none negative.
+        covariance: (effects, effects) of the estimates, by the expected information.
+    """
+
+    value: Floats
+    covariance: Floats
+
+    def freedom(self, weight: Floats, total: float) -> float:
+        """Degrees of freedom of a variance that is `total`, of which `weight` @ value is estimated.
+
+        Source:
+            Satterthwaite (1946); with the information of REML Giesbrecht and Burns (1985).
+        """
+        uncertain = float(weight @ self.covariance @ weight)
+        return max(2.0 * total**2 / uncertain, 1.0) if uncertain > 0.0 else float("inf")
+
+
+def restricted_likelihood(
+    residual: Floats, design: Floats, effects: Floats, known: Floats, within: Within
+) -> Variances:
+    """Estimate the variances of random effects by Fisher scoring.
+
+    The covariance of the observations is Σ θ_k effects_k + known. A variance that would be
+    negative is 0 and stays in the information, so that what is hardly known counts as such.
+
+    Args:
+        residual: (points,) observations, less any combination of the design's columns.
+        design: (points, parameters) regressors that are fitted with them.
+        effects: (effects, points, points) structure of each; the first is that of the readings'
+            own variance where `within.freedom` is not 0.
+        known: (points, points) covariance that is not estimated.
+        within: what the readings say besides of the first effect.
+
+    Source:
+        Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
+        Variance Components, 6.6.
+    """
+    value = _start(residual, design, effects, within)
+    information = np.eye(value.size)
+    for _ in range(_ITERATIONS):
+        score, information = _score(residual, design, effects, known, within, value)
+        stepped = _stepped(value, score, information)
+        settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
+        value = stepped
+        if settled:
+            break
+    return Variances(value, np.linalg.pinv(information, hermitian=True))
+
+
+def _start(residual: Floats, design: Floats, effects: Floats, within: Within) -> Floats:
+    """Equal shares of what plain least squares leaves; the readings' own as they say it."""
+    left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
+    freedom = max(residual.size - design.shape[1], 1)
+    spread = max(float(left @ left) / freedom, 1e-300)
+    value = np.full(len(effects), spread / len(effects))
+    if within.freedom:
+        value[0] = max(within.squares / within.freedom, 1e-300)
+    return value
+
+
+def _score(
+    residual: Floats,
+    design: Floats,
+    effects: Floats,
+    known: Floats,
+    within: Within,
+    value: Floats,
+) -> tuple[Floats, Floats]:
+    """Derivative of the restricted log-likelihood, and its expected information."""
+    weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
+    weighted = weight @ design
+    projection = weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
+    projected = projection @ residual
+    through = projection @ effects
+    score = 0.5 * (
+        np.einsum("i,kij,j->k", projected, effects, projected) - np.trace(through, 0, 1, 2)
+    )
+    information = 0.5 * np.einsum("kij,lji->kl", through, through)
+    if within.freedom:
+        score[0] += 0.5 * (within.squares / value[0] - within.freedom) / value[0]
+        information[0, 0] += 0.5 * within.freedom / value[0] ** 2
+    return score, information
+
+
+def _stepped(value: Floats, score: Floats, information: Floats) -> Floats:
+    """A scoring step in which no variance becomes negative."""
+    free = np.ones(value.size, bool)
+    while True:
+        stepped = np.zeros_like(value)
+        if not free.any():
+            return stepped
+        inner = information[np.ix_(free, free)]
+        # a variance that is held at 0 is a step of its own size
+        pull = score[free] - information[np.ix_(free, ~free)] @ -value[~free]
+        stepped[free] = value[free] + np.linalg.lstsq(inner, pull, rcond=None)[0]
+        negative = free & (stepped < 0.0)
+        if not negative.any():
+            return stepped
+        free &= ~negative
