@@ -1,8 +1,8 @@
-"""Campaign files of a calibration: TOML in, a validated `Campaign` out, every fault in one line."""
+"""Campaign files of a calibration: TOML in, a validated campaign out, every fault in one line."""
 
 from pathlib import Path
 
-from analysis.calibration.campaign import Campaign
+from analysis.calibration.campaign import CalibrationCampaign
 from analysis.calibration.reference_masses import references
 from analysis.machine import Machine
 from estimators.errors import CampaignError
@@ -10,7 +10,7 @@ from replay.machine_file import load_machine, machine_path
 from replay.toml_file import read_toml, validate
 
 
-def load_campaign(path: Path) -> tuple[Campaign, Machine]:
+def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     """Read a campaign file, and the machine file that it names.
 
     Args:
@@ -26,7 +26,7 @@ def load_campaign(path: Path) -> tuple[Campaign, Machine]:
             f"{path}: no such campaign file; `payscope init --campaign FOLDER -o {path}` drafts "
             "one from a folder of logs"
         )
-    campaign = validate(path, read_toml(path, CampaignError), Campaign, CampaignError)
+    campaign = validate(path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError)
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)

@@ -177,7 +177,7 @@ class DecisionRule(BaseModel):
     )
 
 
-class Campaign(BaseModel):
+class CalibrationCampaign(BaseModel):
     """A whole campaign file."""
 
     model_config = _FORBID

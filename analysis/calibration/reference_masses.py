@@ -4,12 +4,14 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.calibration.campaign import Campaign
+from analysis.calibration.campaign import CalibrationCampaign
 from analysis.machine import Body
 from estimators.errors import CampaignError
 
 
-def references(campaign: Campaign, body: Body) -> tuple[pl.DataFrame, NDArray[np.float64]]:
+def references(
+    campaign: CalibrationCampaign, body: Body
+) -> tuple[pl.DataFrame, NDArray[np.float64]]:
     """The reference of each load, and how their errors go together.
 
     Args:
