@@ -8,6 +8,7 @@ import numpy as np
 from analysis.calibration.calibration import BudgetRow, Component, Stated
 from analysis.calibration.inversion import Inversion
 from analysis.calibration.model import DAY, LACK_OF_FIT, REFERENCES, REPEATABILITY, RUN
+from analysis.calibration.variance_components import Floats
 
 #: What a budget of weighing has to name, stated or not.
 EXPECTED: Final = ("wheel radius", "force share", "local gravity", "tare")
@@ -38,7 +39,7 @@ def budget(
         common_kg: common error that counts, in kg of m̂; None where the line absorbs it.
     """
     mass_kg, readings = at
-    anew, _ = inversion.parts_kg(mass_kg, readings)
+    anew = _none_negative(inversion.parts_kg2(readings), components)
     size = abs(inversion.slope_1)
     rows = [
         BudgetRow(
@@ -78,6 +79,18 @@ def budget(
     given = {one.component for one in stated}
     rows += [BudgetRow(x, "absorbed", None, None, _UNSTATED) for x in EXPECTED if x not in given]
     return tuple(rows)
+
+
+def _none_negative(parts_kg2: Floats, components: Sequence[Component]) -> Floats:
+    """(effects,) deviations; what days or runs scatter too little is taken off the next finer."""
+    parts = parts_kg2.copy()
+    names = [component.name for component in components]
+    for coarse, fine in ((DAY, RUN), (RUN, REPEATABILITY)):
+        if coarse in names and fine in names:
+            over = min(parts[names.index(coarse)], 0.0)
+            parts[names.index(coarse)] -= over
+            parts[names.index(fine)] += over
+    return np.sqrt(np.maximum(parts, 0.0))
 
 
 def line_parts(inversion: Inversion, mass_kg: float) -> tuple[float, float, float]:

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass
 
 from analysis.calibration.inversion import Inversion
+from analysis.calibration.model import DAY
 from estimators.errors import DataError
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
@@ -76,7 +77,7 @@ class Component:
     @property
     def std_kg(self) -> float:
         """Deviation of one draw, in kg of m̂."""
-        return self.variance_kg2**0.5
+        return max(self.variance_kg2, 0.0) ** 0.5
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -110,12 +111,14 @@ class LackOfFit:
         p_1: of a ratio as large where the line is right.
         freedom: of numerator and denominator.
         against: the scatter that it is compared with.
+        separate: whether a load's deviation from the line can be told from that of a run.
     """
 
     F_1: float | None
     p_1: float | None
     freedom: tuple[int, int] | None
     against: str
+    separate: bool
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
@@ -195,6 +198,8 @@ class Calibration:
     day_kg: float | None
     day_freedom: int | None
     components: tuple[Component, ...]
+    few_days: int | None
+    most_readings: int
     variance_covariance: tuple[tuple[float, ...], ...]
     stated: tuple[Stated, ...]
     common_kg: float
@@ -230,6 +235,8 @@ class Calibration:
             estimated=np.flatnonzero([part.estimated for part in parts]),
             covariance=np.array(self.variance_covariance),
             extra_kg2=common_kg**2 + sum(u_kg**2 for u_kg in anew),
+            apart={} if self.few_days is None else {DAY: self.few_days},
+            most_readings=self.most_readings,
         )
 
     def calibrated(

@@ -11,12 +11,13 @@ from analysis.calibration.calibration import (
     Calibration,
     CalibrationOptions,
     Component,
+    LackOfFit,
     Stated,
 )
 from analysis.calibration.errors import attenuation, point_rows, rms, stated_ratio
 from analysis.calibration.inversion import Inversion
 from analysis.calibration.lack_of_fit import LEVEL, lack_of_fit
-from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine, fit_line
+from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine, Points, fit_line
 from analysis.calibration.outliers import outliers
 from analysis.calibration.points import Campaign, campaign_of
 from analysis.calibration.sentences import sentences
@@ -57,12 +58,7 @@ def fit_calibration(
         raise DataError(f"calibration: the readings have no column '{missing[0]}'")
     campaign = campaign_of(readings, references, covariance_kg2)
     points = campaign.points
-    line = fit_line(points, day_known_kg=options.day_known_kg)
-    tested = lack_of_fit(points, line, options.day_known_kg)
-    if tested.separate and tested.test.p_1 is not None and tested.test.p_1 < LEVEL:
-        line = fit_line(points, day_known_kg=options.day_known_kg, lack_of_fit=True)
-    if line.slope_1 == 0.0:
-        raise DataError("calibration: the estimates do not follow the loads")
+    line, test = tested_line(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.days == 1
     common_kg = _common_kg(campaign.readings)
     extra_kg2 = _extra_kg2(options.stated, common_kg if day_unknown else 0.0)
@@ -105,11 +101,13 @@ def fit_calibration(
         day_kg=day.std_kg if day else None,
         day_freedom=points.days - 1 if day and day.estimated else None,
         components=components,
+        few_days=line.few_days,
+        most_readings=line.most_readings,
         variance_covariance=tuple(tuple(map(float, row)) for row in line.variances.covariance),
         stated=options.stated,
         common_kg=common_kg,
         common_counts=day_unknown,
-        lack_of_fit=tested.test,
+        lack_of_fit=test,
         points=rows,
         outliers=outliers(campaign, line),
         rms_error_kg=rms([row.error_kg for row in rows]) or 0.0,
@@ -126,6 +124,21 @@ def fit_calibration(
         says=(),
     )
     return replace(calibration, says=sentences(calibration))
+
+
+def tested_line(points: Points, day_known_kg: float | None) -> tuple[FittedLine, LackOfFit]:
+    """Fit the line, with a deviation of each load from it where the points show one.
+
+    Args:
+        points: means of runs.
+        day_known_kg: deviation from day to day where it is known, in kg of m̂.
+    """
+    test = lack_of_fit(points, day_known_kg)
+    lacking = test.separate and test.p_1 is not None and test.p_1 < LEVEL
+    line = fit_line(points, day_known_kg=day_known_kg, lack_of_fit=lacking)
+    if line.slope_1 == 0.0:
+        raise DataError("calibration: the estimates do not follow the loads")
+    return line, test
 
 
 def _components(line: FittedLine, campaign: Campaign) -> tuple[Component, ...]:

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from analysis.calibration.model import REPEATABILITY, RUN, FittedLine
+from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine
 from analysis.calibration.variance_components import Floats, Variances
 
 _UNBOUNDED: Final = float("nan")
@@ -22,7 +22,6 @@ class Inverted:
     low_kg: Floats
     high_kg: Floats
     factor_1: Floats
-    freedom: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +39,10 @@ class Inversion:
         estimated: (estimated,) which effects' variances are estimated.
         covariance: (estimated, estimated) of these variances.
         extra_kg2: variance of every later value that the points do not show.
+        apart: effects that few degrees of freedom tell, by name, with these: each has its own
+            Student factor. Welch and Satterthwaite's single one trusts an estimate of one or two
+            degrees of freedom when it happens to be small.
+        most_readings: of a run of the campaign.
     """
 
     centre_kg: float
@@ -51,7 +54,9 @@ class Inversion:
     scatters: Floats
     estimated: Floats
     covariance: Floats
-    extra_kg2: float = 0.0
+    extra_kg2: float
+    apart: Mapping[str, int]
+    most_readings: int
 
     @classmethod
     def of(cls, line: FittedLine, extra_kg2: float = 0.0) -> "Inversion":
@@ -68,6 +73,8 @@ class Inversion:
             estimated=np.flatnonzero([effect.estimated for effect in effects]),
             covariance=line.variances.covariance,
             extra_kg2=extra_kg2,
+            apart={} if line.few_days is None else {DAY: line.few_days},
+            most_readings=line.most_readings,
         )
 
     def inverted(
@@ -87,11 +94,13 @@ class Inversion:
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
+        if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
+            # more readings than any run had would count on the runs' luck
+            readings = np.minimum(readings, self.most_readings)
         new = self._new(readings)
-        own = new @ self.variance_kg2
         random = new[:, self._random()] * self.variance_kg2[self._random()]
         beyond = np.fmax(np.nan_to_num(u_random_kg) ** 2 - random, 0.0)
-        return self._solved(y_kg, new, own + beyond + self.extra_kg2, confidence_1)
+        return self._solved(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def exact(self, y_kg: float, confidence_1: float) -> Inverted:
         """Where the line itself has the value `y_kg`: nothing scatters it."""
@@ -100,22 +109,14 @@ class Inversion:
 
     def slope_interval(self, confidence_1: float) -> tuple[float, float]:
         """Interval of the slope."""
-        gradient = self.on_line[:, 1, 1]
-        variance = float(gradient @ self.variance_kg2)
-        factor = student(confidence_1, self._freedom(gradient[None], np.array([variance])))[0]
-        half = factor * np.sqrt(variance)
+        gradient = self.on_line[None, :, 1, 1]
+        squared, _ = self._squared_factors(gradient, np.zeros(1), confidence_1)
+        half = float(np.sqrt((squared * gradient) @ self.variance_kg2)[0])
         return self.slope_1 - half, self.slope_1 + half
 
-    def parts_kg(self, mass_kg: float, readings: float) -> tuple[Floats, Floats]:
-        """(effects,) of a later mass' standard uncertainty: anew, and through the line."""
-        away = np.array([1.0, mass_kg - self.centre_kg])
-        through = np.einsum("i,kij,j->k", away, self.on_line, away)
-        anew = self._new(np.array([readings]))[0]
-        size = abs(self.slope_1)
-        return (
-            np.sqrt(anew * self.variance_kg2) / size,
-            np.sqrt(np.maximum(through, 0.0) * self.variance_kg2) / size,
-        )
+    def parts_kg2(self, readings: float) -> Floats:
+        """(effects,) what each gives anew to the variance of a later mass, in kg² of mass."""
+        return self._new(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
 
     def _random(self) -> int:
         """The effect that readings average out, or else the one that has it in it."""
@@ -128,32 +129,51 @@ class Inversion:
             new[:, self.effects[REPEATABILITY]] /= readings
         return new
 
-    def _solved(self, y_kg: Floats, new: Floats, own_kg2: Floats, confidence_1: float) -> Inverted:
+    def _solved(self, y_kg: Floats, new: Floats, more_kg2: Floats, confidence_1: float) -> Inverted:
         """Mass, uncertainty and interval of values with the given share of each effect anew."""
         away = (y_kg - self.level_kg) / self.slope_1
-        line = np.tensordot(self.variance_kg2, self.on_line, 1)
         at = np.stack([np.ones_like(away), away], -1)
-        through = np.einsum("ni,kij,nj->nk", at, self.on_line, at)
-        total = own_kg2 + through @ self.variance_kg2
-        freedom = self._freedom(new + through, total)
-        factor = student(confidence_1, freedom)
-        # (d - s h)² = t² (own + v00 + 2 h v01 + h² v11), for h from the centre
-        squared = factor**2
+        gradient = new + np.einsum("ni,kij,nj->nk", at, self.on_line, at)
+        u_kg = np.sqrt(gradient @ self.variance_kg2 + more_kg2) / abs(self.slope_1)
+        squared, of_more = self._squared_factors(gradient, more_kg2, confidence_1)
+        # (d - s h)² = Σ t² (own + v00 + 2 h v01 + h² v11), for h from the centre
+        scaled = squared * self.variance_kg2
+        line = np.einsum("nk,kij->nij", scaled, self.on_line)
+        own = (scaled * new).sum(axis=1) + of_more * more_kg2
         d = y_kg - self.level_kg
-        a = self.slope_1**2 - squared * line[1, 1]
-        b = d * self.slope_1 + squared * line[0, 1]
-        c = d**2 - squared * (own_kg2 + line[0, 0])
+        a = self.slope_1**2 - line[:, 1, 1]
+        b = d * self.slope_1 + line[:, 0, 1]
+        c = d**2 - own - line[:, 0, 0]
         bounded = a > 0.0
         a = np.where(bounded, a, 1.0)
         half = np.sqrt(np.maximum(b**2 - a * c, 0.0)) / a
         return Inverted(
             mass_kg=self.centre_kg + away,
-            u_kg=np.sqrt(total) / abs(self.slope_1),
+            u_kg=u_kg,
             low_kg=np.where(bounded, self.centre_kg + b / a - half, _UNBOUNDED),
             high_kg=np.where(bounded, self.centre_kg + b / a + half, _UNBOUNDED),
-            factor_1=factor,
-            freedom=freedom,
+            factor_1=np.where(bounded, half / u_kg, _UNBOUNDED),
         )
+
+    def _squared_factors(
+        self, gradient: Floats, more_kg2: Floats, confidence_1: float
+    ) -> tuple[Floats, Floats]:
+        """(n, effects) squared Student factor of each effect's part of variances, (n,) of the rest.
+
+        Args:
+            gradient: (n, effects) of the variances.
+            more_kg2: (n,) in them, and known.
+            confidence_1: of the intervals.
+        """
+        rest = gradient.copy()
+        squared = np.zeros_like(gradient)
+        for name, freedom in self.apart.items():
+            k = self.effects[name]
+            if self.variance_kg2[k] > 0.0:
+                rest[:, k] = 0.0
+                squared[:, k] = student(confidence_1, np.array([float(freedom)]))[0] ** 2
+        common = student(confidence_1, self._freedom(rest, rest @ self.variance_kg2 + more_kg2))
+        return np.where(squared > 0.0, squared, common[:, None] ** 2), common**2
 
     def _freedom(self, gradient: Floats, total: Floats) -> Floats:
         """(n,) degrees of freedom of variances (n,) with gradients (n, effects)."""

@@ -1,6 +1,5 @@
 """Whether the loads' means lie on a line: an F test against what scatters runs of one load."""
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,9 +10,9 @@ from analysis.calibration.distance_regression import distance_regression
 from analysis.calibration.model import (
     DAY,
     RUN,
-    FittedLine,
     Points,
     estimated_effects,
+    mean_squares,
 )
 from analysis.calibration.variance_components import restricted_likelihood
 
@@ -21,21 +20,12 @@ from analysis.calibration.variance_components import restricted_likelihood
 LEVEL: Final = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """The test, and whether a deviation of each load from the line can be fitted for it."""
-
-    test: LackOfFit
-    separate: bool
-
-
-def lack_of_fit(points: Points, line: FittedLine, day_known_kg: float | None) -> Tested:
+def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
     """Compare a mean a load with the line.
 
     Args:
         points: means of runs.
-        line: fitted to them.
-        day_known_kg: as the line was fitted with.
+        day_known_kg: deviation from day to day where it is known, in kg of m̂.
     """
     design = (points.load[:, None] == np.unique(points.load)[None, :]).astype(np.float64)
     loads, count = design.shape[1], points.y_kg.size
@@ -46,15 +36,21 @@ def lack_of_fit(points: Points, line: FittedLine, day_known_kg: float | None) ->
     if RUN not in names:
         below, against = points.within.freedom, "repeatability; run to run would look the same"
     if above < 1 or below < 1 or not names:
-        nothing = LackOfFit(
-            None, None, None, "nothing: no load has two runs, nor a run two readings"
+        return LackOfFit(
+            None,
+            None,
+            None,
+            "nothing: no load has two runs, nor a run two readings",
+            separate=False,
         )
-        return Tested(nothing, separate=False)
     effects = np.array([points.effect(name) for name in names])
     known = np.eye(count) * 1e-18 * np.abs(points.y_kg).max() ** 2
     if day_known_kg is not None:
         known = known + day_known_kg**2 * points.effect(DAY)
-    value = restricted_likelihood(points.y_kg, design, effects, known, points.within).value
+    squares = mean_squares(points, names)
+    by_squares = np.tensordot(squares.T, effects, 1)
+    found = restricted_likelihood(points.y_kg, design, by_squares, known, points.within)
+    value = found.transformed(squares).value
     y_cov = np.tensordot(value, effects, 1) + known
     x_cov = points.x_cov_kg2
     fitted = distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
@@ -63,5 +59,4 @@ def lack_of_fit(points: Points, line: FittedLine, day_known_kg: float | None) ->
     left = points.y_kg - design @ means
     ratio = max(fitted.chi2 - float(left @ weight @ left), 0.0) / above
     p = float(fdtrc(above, below, ratio))
-    test = LackOfFit(ratio, p, (above, below), against)
-    return Tested(test, separate=RUN in names)
+    return LackOfFit(ratio, p, (above, below), against, separate=RUN in names)

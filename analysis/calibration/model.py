@@ -22,6 +22,8 @@ _SETTLED: Final = 1e-6
 #: Variance of rounding, as a share of the largest mass: keeps exact points from having none.
 _ROUNDING: Final = 1e-10
 
+#: With fewer days their scatter has a Student factor of its own.
+DAYS_ENOUGH: Final = 5
 #: The effects that scatter points, in their order.
 REPEATABILITY: Final = "repeatability"
 RUN: Final = "run to run"
@@ -84,7 +86,8 @@ class Effect:
 
     Attributes:
         name: of the effect.
-        variance_kg2: of one draw of it.
+        variance_kg2: of one draw of it; negative where its mean square is below what is in it of
+            others.
         on_line: (2, 2) what a variance of 1 gives the covariance of level and slope.
         estimated: whether its variance is one of `FittedLine.variances`, in their order.
         scatters: whether a later run draws it anew: all but the references and the common error.
@@ -111,6 +114,8 @@ class FittedLine:
     residual_kg: Floats
     point_covariance_kg2: Floats
     adjusted_kg: Floats
+    few_days: int | None
+    most_readings: int
 
 
 def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tuple[str, ...]:
@@ -130,6 +135,23 @@ def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tu
     return tuple(names)
 
 
+def mean_squares(points: Points, names: tuple[str, ...]) -> Floats:
+    """(effects, effects) that makes variances of mean squares, which are what cannot be negative.
+
+    Runs whose means scatter by chance less than their readings let expect have a negative variance
+    of their own; cut off at 0, it would widen every interval by the factor of few degrees of
+    freedom. What a run's mean scatters by, with as many readings as any has, stays positive, and
+    so does what a day's mean scatters by.
+    """
+    of = np.eye(len(names))
+    if REPEATABILITY in names and RUN in names:
+        of[names.index(RUN), names.index(REPEATABILITY)] = -1.0 / points.readings.max()
+    if DAY in names:
+        most = np.bincount(points.day).max()
+        of[names.index(DAY), names.index(RUN)] = -1.0 / most
+    return of
+
+
 def fit_line(
     points: Points, *, day_known_kg: float | None = None, lack_of_fit: bool = False
 ) -> FittedLine:
@@ -143,6 +165,7 @@ def fit_line(
     names = estimated_effects(points, 2, day_known=day_known_kg is not None)
     if lack_of_fit:
         names = (*names, LACK_OF_FIT)
+    squares = mean_squares(points, names)
     structures = {name: points.effect(name) for name in names}
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2
     centre_kg = float(x.mean())
@@ -151,19 +174,24 @@ def fit_line(
         structures[DAY] = points.effect(DAY)
         known = known + day_known_kg**2 * structures[DAY]
     effects = np.array([structures[name] for name in names])
+    by_squares = np.tensordot(squares.T, effects, 1)
     slope = float(np.polyfit(x - centre_kg, y, 1)[0])
     design = np.column_stack([np.ones_like(x), x - centre_kg])
     residual = y
-    for _ in range(_ROUNDS):
-        variances = restricted_likelihood(
-            residual, design, effects, known + slope**2 * x_cov, points.within
+    rounds = 0
+    while True:
+        found = restricted_likelihood(
+            residual, design, by_squares, known + slope**2 * x_cov, points.within
         )
+        variances = found.transformed(squares)
         y_cov = np.tensordot(variances.value, effects, 1) + known
         line = distance_regression(x - centre_kg, y, x_cov, y_cov)
         moved, slope = abs(line.slope - slope), line.slope
         design = np.column_stack([np.ones_like(x), line.x])
         residual = line.residual
-        if not x_cov.any() or moved <= _SETTLED * np.sqrt(line.covariance[1, 1]):
+        rounds += 1
+        settled = moved <= _SETTLED * np.sqrt(line.covariance[1, 1])
+        if settled or rounds == _ROUNDS or not x_cov.any():
             break
     point_covariance = y_cov + slope**2 * x_cov
     return FittedLine(
@@ -177,6 +205,8 @@ def fit_line(
         residual_kg=line.residual,
         point_covariance_kg2=point_covariance,
         adjusted_kg=line.x + centre_kg,
+        few_days=points.days - 1 if DAY in names and points.days < DAYS_ENOUGH else None,
+        most_readings=int(points.readings.max()),
     )
 
 

@@ -11,6 +11,10 @@ Floats = NDArray[np.float64]
 _ITERATIONS: Final = 60
 #: A change of every variance below this share of their sum ends the iteration.
 _SMALL: Final = 1e-8
+#: A step leaves at least this share of a variance,
+_SHRINK: Final = 0.1
+#: and none falls below this share of the largest at the start: without any a point has no weight.
+_FLOOR: Final = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +35,16 @@ class Variances:
     """Variances of the effects.
 
     Attributes:
-        value: (effects,) none negative.
+        value: (effects,) of each.
         covariance: (effects, effects) of the estimates, by the expected information.
     """
 
     value: Floats
     covariance: Floats
+
+    def transformed(self, by: Floats) -> "Variances":
+        """Those of `by` @ value."""
+        return Variances(by @ self.value, by @ self.covariance @ by.T)
 
     def freedom(self, weight: Floats, total: float) -> float:
         """Degrees of freedom of a variance that is `total`, of which `weight` @ value is estimated.
@@ -54,7 +62,8 @@ def restricted_likelihood(
     """Estimate the variances of random effects by Fisher scoring.
 
     The covariance of the observations is Σ θ_k effects_k + known. A variance that would be
-    negative is 0 and stays in the information, so that what is hardly known counts as such.
+    negative is 0, but for rounding, and stays in the information: what is hardly known counts as
+    such.
 
     Args:
         residual: (points,) observations, less any combination of the design's columns.
@@ -69,10 +78,11 @@ def restricted_likelihood(
         Variance Components, 6.6.
     """
     value = _start(residual, design, effects, within)
+    floor = _FLOOR * float(value.max())
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
         score, information = _score(residual, design, effects, known, within, value)
-        stepped = _stepped(value, score, information)
+        stepped = _stepped(value, score, information, floor)
         settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
         value = stepped
         if settled:
@@ -115,18 +125,7 @@ def _score(
     return score, information
 
 
-def _stepped(value: Floats, score: Floats, information: Floats) -> Floats:
-    """A scoring step in which no variance becomes negative."""
-    free = np.ones(value.size, bool)
-    while True:
-        stepped = np.zeros_like(value)
-        if not free.any():
-            return stepped
-        inner = information[np.ix_(free, free)]
-        # a variance that is held at 0 is a step of its own size
-        pull = score[free] - information[np.ix_(free, ~free)] @ -value[~free]
-        stepped[free] = value[free] + np.linalg.lstsq(inner, pull, rcond=None)[0]
-        negative = free & (stepped < 0.0)
-        if not negative.any():
-            return stepped
-        free &= ~negative
+def _stepped(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
+    """A scoring step that takes no variance below a share of itself."""
+    step = np.linalg.lstsq(information, score, rcond=None)[0]
+    return np.maximum(np.maximum(value + step, _SHRINK * value), floor)
