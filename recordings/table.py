@@ -370,6 +370,15 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "
             "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"
         ),
+        "line": "alpha_1 beta_kg valid_from_kg valid_to_kg line_u_kg coverage_k_1",
+        "points": (
+            "run_id load day reference_kg readings rejected mean_kg std_kg calibrated_kg "
+            "error_kg error_left_out_kg studentised_1"
+        ),
+        "readings": (
+            "run_id load day log reading start_s end_s mass_kg std_kg common_u_kg used left_out_for"
+        ),
+        "runs": "run_id log log_sha256 recording",
     }.items()
 }
 

@@ -1,7 +1,6 @@
 """The runs of a campaign replayed, and what evidence keeps of them."""
 
 import datetime as dt
-import hashlib
 import platform
 import re
 from collections.abc import Callable
@@ -15,21 +14,16 @@ import polars as pl
 
 from analysis.answer import answer
 from analysis.calibration.campaign import CalibrationCampaign
-from analysis.calibration.campaign_fit import CampaignFit, fit_campaign, options_of, stated_scale
 from analysis.calibration.readings import readings
-from analysis.calibration.reference_masses import references
 from analysis.machine import Machine
 from analysis.run import Run
 from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import DataError
 from recordings import write_recording
-from recordings.evidence.canonical import canonical
 from recordings.evidence.document import (
-    Estimator,
     EvidenceFile,
     EvidenceLog,
     LoggedTopic,
-    ReferenceLoad,
     Software,
 )
 from recordings.evidence.folder import RUNS
@@ -55,11 +49,6 @@ class Replayed:
     readings: pl.DataFrame
     logs: tuple[EvidenceLog, ...]
     budgets: tuple[pl.DataFrame, ...]
-
-    def fit(self, campaign: CalibrationCampaign, machine: Machine) -> CampaignFit:
-        """Fit the line of the campaign."""
-        options = options_of(campaign, stated_scale(campaign, self.budgets))
-        return fit_campaign(campaign, machine.machine, self.readings, options)
 
 
 def replay_runs(
@@ -103,27 +92,6 @@ def replay_runs(
         logs.append(_kept(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
     return Replayed(pl.concat(frames), tuple(logs), tuple(budgets))
-
-
-def estimator_of(campaign: CalibrationCampaign, machine: Machine) -> Estimator:
-    """The estimator by name, and the digest of what defines it: channels, settings, priors."""
-    defined = {"estimator": campaign.method.estimator, "machine": machine.model_dump(mode="json")}
-    return Estimator(
-        name=campaign.method.estimator,
-        definition_sha256=hashlib.sha256(canonical(defined)).hexdigest(),
-    )
-
-
-def reference_loads(
-    campaign: CalibrationCampaign, machine: Machine
-) -> tuple[tuple[ReferenceLoad, ...], tuple[tuple[float, ...], ...]]:
-    """The references as they are kept, and their covariance."""
-    known, covariance_kg2 = references(campaign, machine.machine)
-    loads = tuple(
-        ReferenceLoad(load_id=row["load_id"], reference_kg=row["reference_kg"], u_kg=float(v**0.5))
-        for row, v in zip(known.to_dicts(), covariance_kg2.diagonal(), strict=True)
-    )
-    return loads, tuple(tuple(map(float, row)) for row in covariance_kg2)
 
 
 def software() -> Software:
