@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.calibration import Calibration
 from analysis.calibration.campaign import CalibrationCampaign
 from analysis.calibration.campaign_fit import fit_campaign, options_of, stated_scale
 from analysis.machine import Machine
@@ -37,21 +36,26 @@ class Calibrated:
     Attributes:
         folder: the bundle.
         document: its evidence.
+        readings: frame `readings`.
         points: a row a run.
-        rejected: readings that count for nothing, with their reasons.
         remarks: for whoever made it, a line each.
     """
 
     folder: Path
     document: EvidenceDocument
+    readings: pl.DataFrame
     points: pl.DataFrame
-    rejected: pl.DataFrame
     remarks: tuple[str, ...]
 
     @property
-    def calibration(self) -> Calibration | None:
-        """The line; None where the readings determine none."""
-        return self.document.calibration
+    def rejected(self) -> pl.DataFrame:
+        """Readings that count for nothing, with their reasons."""
+        return self.readings.filter(~pl.col("used"))
+
+    @property
+    def good(self) -> bool:
+        """Whether there is a line."""
+        return self.document.calibration is not None
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain values."""
@@ -108,8 +112,7 @@ def calibrate(
         write_calibration(made, document, replayed.readings, points)
         remarks = write_bundle(made, document, replayed.readings, points, tables, key)
         _refuse_faulty(made, folder, key, previous)
-    rejected = replayed.readings.filter(~pl.col("used"))
-    return Calibrated(folder, document, points, rejected, tuple(remarks))
+    return Calibrated(folder, document, replayed.readings, points, tuple(remarks))
 
 
 def _before(previous: Path | None, campaign: CalibrationCampaign) -> Checked | None:

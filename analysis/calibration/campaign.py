@@ -159,21 +159,19 @@ class CampaignMethod(BaseModel):
     )
 
 
-class DecisionRule(BaseModel):
-    """How "within the error limits" is decided."""
+class AskedLimits(BaseModel):
+    """Which error limits a calibrated mass is to be within, and how sure the answer has to be."""
 
     model_config = _FORBID
 
-    standard: Literal["none", "R51", "R134"] = Field(
-        "none", description="OIML R51 or R134; none: no statement"
+    accuracy_class: Line = Field(description='such as "OIML R 51 Y(b)" or "OIML R 134 2"')
+    scale_interval_kg: float | None = Field(None, gt=0, description="e of R 51")
+    in_service: bool = Field(default=False, description="R 51's limits in service, not initial")
+    tare_kg: float = Field(
+        0.0, ge=0, description="taken off references: the machine's mass, where a load is judged"
     )
-    accuracy_class: Line = Field("", description='R51: "Y(a)" or "Y(b)"; R134: "0.2" to "10"')
-    scale_interval_kg: float | None = Field(None, gt=0, description="e of R51")
-    in_service: bool = Field(
-        default=False, description="R51's limits in service: twice the initial"
-    )
-    guard_u: float = Field(
-        1.0, ge=0, le=3, description="guard band, in expanded uncertainties off the limit"
+    risk_1: float = Field(
+        0.05, gt=0, lt=0.5, description="probability of a wrong verdict; the guard band follows"
     )
 
 
@@ -187,7 +185,7 @@ class CalibrationCampaign(BaseModel):
     masses: tuple[ReferenceMass, ...] = ()
     conditions: Conditions = Conditions.model_validate({})
     method: CampaignMethod = CampaignMethod.model_validate({})
-    decision: DecisionRule = DecisionRule.model_validate({})
+    decision: AskedLimits | None = None
     runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=2000)
 
     @model_validator(mode="before")

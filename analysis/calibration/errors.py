@@ -67,7 +67,7 @@ def attenuation(campaign: Campaign) -> float | None:
     """
     of_run = campaign.runs.select("run_id", "reference_kg")
     single = campaign.readings.select("run_id", "load_id", "mass_kg").join(of_run, "run_id")
-    means = single.group_by("load_id").agg(pl.col("mass_kg", "reference_kg").mean())
+    means = single.group_by("load_id", maintain_order=True).agg(pl.col("mass_kg", "reference_kg").mean())
     slopes = [_slope(part) for part in (single, means)]
     return slopes[0] / slopes[1] if slopes[1] else None
 
@@ -87,7 +87,7 @@ def stated_ratio(campaign: Campaign) -> float | None:
         weight=pl.col("std_kg") ** -2.0
     )
     mean = (pl.col("weight") * pl.col("mass_kg")).sum() / pl.col("weight").sum()
-    by_run = known.group_by("run_id").agg(
+    by_run = known.group_by("run_id", maintain_order=True).agg(
         chi2=(pl.col("weight") * (pl.col("mass_kg") - mean) ** 2).sum(), freedom=pl.len() - 1
     )
     freedom = int(by_run["freedom"].sum())
