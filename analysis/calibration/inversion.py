@@ -5,11 +5,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtri, stdtrit
 
-from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine
+from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine, Ints
 from analysis.calibration.variance_components import Floats, Variances
 
+#: Rarer events are not told apart.
+_TAIL_MIN: Final = 1e-9
 _UNBOUNDED: Final = float("nan")
 
 
@@ -52,7 +55,7 @@ class Inversion:
     variance_kg2: Floats
     on_line: Floats
     scatters: Floats
-    estimated: Floats
+    estimated: Ints
     covariance: Floats
     extra_kg2: float
     apart: Mapping[str, int]
@@ -70,7 +73,7 @@ class Inversion:
             variance_kg2=np.array([effect.variance_kg2 for effect in effects]),
             on_line=np.array([effect.on_line for effect in effects]),
             scatters=np.array([float(effect.scatters) for effect in effects]),
-            estimated=np.flatnonzero([effect.estimated for effect in effects]),
+            estimated=np.flatnonzero([effect.estimated for effect in effects]).astype(np.int64),
             covariance=line.variances.covariance,
             extra_kg2=extra_kg2,
             apart={} if line.few_days is None else {DAY: line.few_days},
@@ -117,6 +120,28 @@ class Inversion:
     def parts_kg2(self, readings: float) -> Floats:
         """(effects,) what each gives anew to the variance of a later mass, in kg² of mass."""
         return self._new(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
+
+    def half_kg(self, mass_kg: float, readings: float, confidence_1: float) -> float:
+        """Half of the interval of a later mass, without what the slope's doubt skews it by."""
+        away = np.array([1.0, mass_kg - self.centre_kg])
+        through = np.einsum("i,kij,j->k", away, self.on_line, away)
+        gradient = self._new(np.array([readings])) + through
+        more = np.array([self.extra_kg2])
+        squared, of_more = self._squared_factors(gradient, more, confidence_1)
+        variance = float(((squared * gradient) @ self.variance_kg2 + of_more * more)[0])
+        return float(np.sqrt(variance)) / abs(self.slope_1)
+
+    def beyond(self, distance_kg: float, mass_kg: float, readings: float) -> float:
+        """Probability that a later mass errs to one side by more than a distance, 0.5 at 0."""
+        if distance_kg < 0.0:
+            return 1.0 - self.beyond(-distance_kg, mass_kg, readings)
+
+        def missing_kg(tail: float) -> float:
+            return self.half_kg(mass_kg, readings, 1.0 - 2.0 * tail) - distance_kg
+
+        if missing_kg(_TAIL_MIN) <= 0.0:
+            return _TAIL_MIN
+        return float(brentq(missing_kg, _TAIL_MIN, 0.5, xtol=1e-12)) if distance_kg else 0.5
 
     def _random(self) -> int:
         """The effect that readings average out, or else the one that has it in it."""

@@ -178,11 +178,12 @@ def fit_line(
     slope = float(np.polyfit(x - centre_kg, y, 1)[0])
     design = np.column_stack([np.ones_like(x), x - centre_kg])
     residual = y
-    rounds = 0
+    rounds, start = 0, None
     while True:
         found = restricted_likelihood(
-            residual, design, by_squares, known + slope**2 * x_cov, points.within
+            residual, design, by_squares, known + slope**2 * x_cov, points.within, start
         )
+        start = found.value
         variances = found.transformed(squares)
         y_cov = np.tensordot(variances.value, effects, 1) + known
         line = distance_regression(x - centre_kg, y, x_cov, y_cov)

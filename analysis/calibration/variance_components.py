@@ -57,7 +57,12 @@ class Variances:
 
 
 def restricted_likelihood(
-    residual: Floats, design: Floats, effects: Floats, known: Floats, within: Within
+    residual: Floats,
+    design: Floats,
+    effects: Floats,
+    known: Floats,
+    within: Within,
+    start: Floats | None = None,
 ) -> Variances:
     """Estimate the variances of random effects by Fisher scoring.
 
@@ -72,12 +77,13 @@ def restricted_likelihood(
             own variance where `within.freedom` is not 0.
         known: (points, points) covariance that is not estimated.
         within: what the readings say besides of the first effect.
+        start: (effects,) variances to begin with; None for those of plain least squares.
 
     Source:
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
         Variance Components, 6.6.
     """
-    value = _start(residual, design, effects, within)
+    value = _start(residual, design, effects, within) if start is None else start
     floor = _FLOOR * float(value.max())
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
@@ -87,7 +93,7 @@ def restricted_likelihood(
         value = stepped
         if settled:
             break
-    return Variances(value, np.linalg.pinv(information, hermitian=True))
+    return Variances(value, np.asarray(np.linalg.pinv(information, hermitian=True), np.float64))
 
 
 def _start(residual: Floats, design: Floats, effects: Floats, within: Within) -> Floats:
