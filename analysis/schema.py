@@ -45,6 +45,14 @@ NOISE_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
         "torque_z_N_m": "torque_z_N_m",
     },
 }
+#: Columns of `loads` that a calibration adds.
+CALIBRATED: Final = (
+    "calibrated_kg",
+    "calibrated_u_kg",
+    "calibrated_low_kg",
+    "calibrated_high_kg",
+    "calibrated_reason",
+)
 PHASE: Final = pl.Enum(PHASES)
 REASON: Final = pl.Enum(REASONS)
 
@@ -315,6 +323,13 @@ FRAMES: Final[dict[str, Frame]] = {
                     "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
                 ),
                 Column("said", pl.String, "1", "what a reader must know of the loads"),
+                _f("calibrated_kg", "kg", "mass under the calibration, where one was given"),
+                _f("calibrated_u_kg", "kg", "its standard uncertainty"),
+                _f("calibrated_low_kg", "kg", "lower end of its interval"),
+                _f("calibrated_high_kg", "kg", "upper end of its interval"),
+                Column(
+                    "calibrated_reason", pl.String, "1", "why there is none (empty when there is)"
+                ),
             ),
         ),
         Frame(

@@ -360,7 +360,8 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "payload_u_random_kg payload_to empty scatter_kg scatter_known "
             "friction_x_N_s_m friction_x_std_N_s_m "
             "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
-            "scale_unknown withheld withheld_for said"
+            "scale_unknown withheld withheld_for said "
+            "calibrated_kg calibrated_u_kg calibrated_low_kg calibrated_high_kg calibrated_reason"
         ),
         "manoeuvres": "load_id start_t_ns end_t_ns",
         "nuisances": "term unit prior_std posterior posterior_std u_kg meaning",

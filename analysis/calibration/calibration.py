@@ -103,6 +103,14 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
+class Reference:
+    """What is known to be on board: a load, with the machine where its mass is a reference."""
+
+    load_id: str
+    reference_kg: float
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
 class LackOfFit:
     """F test of the loads' means about the line.
 
@@ -205,6 +213,8 @@ class Calibration:
     common_kg: float
     common_counts: bool
     lack_of_fit: LackOfFit
+    references: tuple[Reference, ...]
+    references_covariance_kg2: tuple[tuple[float, ...], ...]
     points: tuple[Point, ...]
     outliers: tuple[Outlier, ...]
     rms_error_kg: float
@@ -232,7 +242,7 @@ class Calibration:
             variance_kg2=np.array([part.variance_kg2 for part in parts]),
             on_line=np.array([[part.on_line[:2], part.on_line[1:]] for part in parts]),
             scatters=np.array([float(part.scatters) for part in parts]),
-            estimated=np.flatnonzero([part.estimated for part in parts]),
+            estimated=np.flatnonzero([part.estimated for part in parts]).astype(np.int64),
             covariance=np.array(self.variance_covariance),
             extra_kg2=common_kg**2 + sum(u_kg**2 for u_kg in anew),
             apart={} if self.few_days is None else {DAY: self.few_days},

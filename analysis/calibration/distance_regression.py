@@ -84,7 +84,7 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
     return StraightLine(
         intercept=y0 + level - slope * x0,
         slope=slope,
-        covariance=shift @ covariance @ shift.T,
+        covariance=np.asarray(shift @ covariance @ shift.T, np.float64),
         chi2=float(residual @ cho_solve(factor, residual)),
         freedom=x.size - 2,
         x=adjusted + x0,

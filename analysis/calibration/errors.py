@@ -1,6 +1,7 @@
 """What the points of a calibration err by: on the line, with their load left out, and on (19)."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -27,11 +28,11 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
     rows: list[Point] = []
     for row, run in enumerate(campaign.runs.iter_rows(named=True)):
         k = place.get(row)
-        at = {
+        at: dict[str, Any] = {
             name: None if k is None or np.isnan(column[k]) else float(column[k])
             for name, column in values.items()
         }
-        rows.append(Point(**run, **at))
+        rows.append(Point(**{**run, **at}))
     return tuple(rows)
 
 
@@ -91,4 +92,4 @@ def stated_ratio(campaign: Campaign) -> float | None:
         chi2=(pl.col("weight") * (pl.col("mass_kg") - mean) ** 2).sum(), freedom=pl.len() - 1
     )
     freedom = int(by_run["freedom"].sum())
-    return float(np.sqrt(by_run["chi2"].sum() / freedom)) if freedom > 0 else None
+    return float(np.sqrt(float(by_run["chi2"].sum()) / freedom)) if freedom > 0 else None

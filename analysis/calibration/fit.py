@@ -12,6 +12,7 @@ from analysis.calibration.calibration import (
     CalibrationOptions,
     Component,
     LackOfFit,
+    Reference,
     Stated,
 )
 from analysis.calibration.errors import attenuation, point_rows, rms, stated_ratio
@@ -108,6 +109,8 @@ def fit_calibration(
         common_kg=common_kg,
         common_counts=day_unknown,
         lack_of_fit=test,
+        references=tuple(Reference(*row) for row in campaign.references.iter_rows()),
+        references_covariance_kg2=tuple(tuple(map(float, row)) for row in points.covariance_kg2),
         points=rows,
         outliers=outliers(campaign, line),
         rms_error_kg=rms([row.error_kg for row in rows]) or 0.0,

@@ -1,15 +1,18 @@
 """From a later m̂ back to its mass: classical calibration inverted, with Fieller's interval."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtri, stdtrit
 
-from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine
+from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine, Ints
 from analysis.calibration.variance_components import Floats, Variances
 
+#: Rarer events are not told apart.
+_TAIL_MIN: Final = 1e-9
 _UNBOUNDED: Final = float("nan")
 
 
@@ -52,7 +55,7 @@ class Inversion:
     variance_kg2: Floats
     on_line: Floats
     scatters: Floats
-    estimated: Floats
+    estimated: Ints
     covariance: Floats
     extra_kg2: float
     apart: Mapping[str, int]
@@ -70,7 +73,7 @@ class Inversion:
             variance_kg2=np.array([effect.variance_kg2 for effect in effects]),
             on_line=np.array([effect.on_line for effect in effects]),
             scatters=np.array([float(effect.scatters) for effect in effects]),
-            estimated=np.flatnonzero([effect.estimated for effect in effects]),
+            estimated=np.flatnonzero([effect.estimated for effect in effects]).astype(np.int64),
             covariance=line.variances.covariance,
             extra_kg2=extra_kg2,
             apart={} if line.few_days is None else {DAY: line.few_days},
@@ -94,12 +97,8 @@ class Inversion:
         Source:
             Fieller (1954); Draper and Smith, Applied Regression Analysis, 3.2 (inverse regression).
         """
-        if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
-            # more readings than any run had would count on the runs' luck
-            readings = np.minimum(readings, self.most_readings)
         new = self._new(readings)
-        random = new[:, self._random()] * self.variance_kg2[self._random()]
-        beyond = np.fmax(np.nan_to_num(u_random_kg) ** 2 - random, 0.0)
+        beyond = self._beyond_kg2(new, u_random_kg)
         return self._solved(y_kg, new, beyond + self.extra_kg2, confidence_1)
 
     def exact(self, y_kg: float, confidence_1: float) -> Inverted:
@@ -118,6 +117,62 @@ class Inversion:
         """(effects,) what each gives anew to the variance of a later mass, in kg² of mass."""
         return self._new(np.array([readings]))[0] * self.variance_kg2 / self.slope_1**2
 
+    def with_more(self, u_kg: float) -> "Inversion":
+        """The same with an uncertainty of later masses besides, in kg of mass."""
+        return replace(self, extra_kg2=self.extra_kg2 + (u_kg * self.slope_1) ** 2)
+
+    def u_kg(self, mass_kg: float, readings: float, u_random_kg: float = 0.0) -> float:
+        """Standard uncertainty of a later mass."""
+        return self._half_kg(mass_kg, None, readings, u_random_kg)
+
+    def half_kg(
+        self, mass_kg: float, confidence_1: float, readings: float, u_random_kg: float = 0.0
+    ) -> float:
+        """Half of the interval of a later mass, without what the slope's doubt skews it by.
+
+        Args:
+            mass_kg: of it.
+            confidence_1: of the interval.
+            readings: whose mean it is.
+            u_random_kg: its own random standard uncertainty in kg of m̂, 0 where it has none.
+        """
+        return self._half_kg(mass_kg, confidence_1, readings, u_random_kg)
+
+    def beyond(
+        self, distance_kg: float, mass_kg: float, readings: float, u_random_kg: float = 0.0
+    ) -> float:
+        """Probability that a later mass errs to one side by more than a distance, 0.5 at 0."""
+        if distance_kg < 0.0:
+            return 1.0 - self.beyond(-distance_kg, mass_kg, readings, u_random_kg)
+
+        def missing_kg(tail: float) -> float:
+            confidence_1 = 1.0 - 2.0 * tail
+            return self.half_kg(mass_kg, confidence_1, readings, u_random_kg) - distance_kg
+
+        if missing_kg(_TAIL_MIN) <= 0.0:
+            return _TAIL_MIN
+        return float(brentq(missing_kg, _TAIL_MIN, 0.5, xtol=1e-12)) if distance_kg else 0.5
+
+    def _half_kg(
+        self, mass_kg: float, confidence_1: float | None, readings: float, u_random_kg: float
+    ) -> float:
+        """Half of an interval; one standard uncertainty where it has no confidence."""
+        away = np.array([1.0, mass_kg - self.centre_kg])
+        new = self._new(np.array([readings]))
+        gradient = new + np.einsum("i,kij,j->k", away, self.on_line, away)
+        more_kg2 = self._beyond_kg2(new, np.array([u_random_kg])) + self.extra_kg2
+        scaled, of_more = gradient, 1.0
+        if confidence_1 is not None:
+            squared, of_rest = self._squared_factors(gradient, more_kg2, confidence_1)
+            scaled, of_more = squared * gradient, float(of_rest[0])
+        variance = float((scaled @ self.variance_kg2)[0]) + of_more * float(more_kg2[0])
+        return float(np.sqrt(variance)) / abs(self.slope_1)
+
+    def _beyond_kg2(self, new: Floats, u_random_kg: Floats) -> Floats:
+        """(n,) what a random uncertainty has beyond that of the campaign's readings."""
+        random = new[:, self._random()] * self.variance_kg2[self._random()]
+        return np.fmax(np.nan_to_num(u_random_kg) ** 2 - np.maximum(random, 0.0), 0.0)
+
     def _random(self) -> int:
         """The effect that readings average out, or else the one that has it in it."""
         return self.effects.get(REPEATABILITY, self.effects.get(RUN, 0))
@@ -125,6 +180,9 @@ class Inversion:
     def _new(self, readings: Floats) -> Floats:
         """(n, effects) of each variance in a later value."""
         new = np.tile(self.scatters, (readings.size, 1))
+        if self.variance_kg2[self.effects.get(RUN, 0)] < 0.0:
+            # more readings than any run had would count on the runs' luck
+            readings = np.minimum(readings, self.most_readings)
         if REPEATABILITY in self.effects:
             new[:, self.effects[REPEATABILITY]] /= readings
         return new

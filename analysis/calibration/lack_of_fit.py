@@ -12,7 +12,7 @@ from analysis.calibration.model import (
     RUN,
     Points,
     estimated_effects,
-    mean_squares,
+    scatter_of,
 )
 from analysis.calibration.variance_components import restricted_likelihood
 
@@ -43,15 +43,11 @@ def lack_of_fit(points: Points, day_known_kg: float | None) -> LackOfFit:
             "nothing: no load has two runs, nor a run two readings",
             separate=False,
         )
-    effects = np.array([points.effect(name) for name in names])
-    known = np.eye(count) * 1e-18 * np.abs(points.y_kg).max() ** 2
-    if day_known_kg is not None:
-        known = known + day_known_kg**2 * points.effect(DAY)
-    squares = mean_squares(points, names)
-    by_squares = np.tensordot(squares.T, effects, 1)
-    found = restricted_likelihood(points.y_kg, design, by_squares, known, points.within)
-    value = found.transformed(squares).value
-    y_cov = np.tensordot(value, effects, 1) + known
+    scatter = scatter_of(points, names, day_known_kg)
+    found = restricted_likelihood(
+        points.y_kg, design, scatter.by_squares, scatter.known, points.within
+    )
+    y_cov = scatter.covariance(found.transformed(scatter.squares).value)
     x_cov = points.x_cov_kg2
     fitted = distance_regression(points.x_kg, points.y_kg, x_cov, y_cov)
     weight = np.linalg.inv(y_cov + fitted.slope**2 * x_cov)

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.calibration.distance_regression import StraightLine, distance_regression
+from analysis.calibration.distance_regression import distance_regression
 from analysis.calibration.variance_components import (
     Floats,
     Variances,
@@ -152,6 +152,64 @@ def mean_squares(points: Points, names: tuple[str, ...]) -> Floats:
     return of
 
 
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """How the effects scatter the points of a campaign.
+
+    Attributes:
+        names: (effects,) those whose variance is estimated.
+        each: (effects, points, points) covariance for a variance of 1 of each.
+        squares: (effects, effects) that makes variances of mean squares (`mean_squares`).
+        day: (points, points) likewise of the day.
+        day_known_kg: deviation from day to day where it is known.
+        known: (points, points) covariance that is known.
+    """
+
+    names: tuple[str, ...]
+    each: Floats
+    squares: Floats
+    day: Floats
+    day_known_kg: float | None
+    known: Floats
+
+    @property
+    def by_squares(self) -> Floats:
+        """(effects, points, points) covariance for a mean square of 1 of each."""
+        return np.tensordot(self.squares.T, self.each, 1)
+
+    def covariance(self, value: Floats) -> Floats:
+        """(points, points) covariance for such variances."""
+        return np.tensordot(value, self.each, 1) + self.known
+
+    def on_line(
+        self, variances: Variances, design: Floats, slope: float, x_cov: Floats
+    ) -> tuple[Effect, ...]:
+        """Each effect, and what it does to a line that is fitted by generalised least squares."""
+        covariance = self.covariance(variances.value) + slope**2 * x_cov
+        weighted = np.linalg.solve(covariance, design).T
+        # (2, points): how level and slope follow each point
+        gain = np.linalg.solve(weighted @ design, weighted)
+        effects = [
+            Effect(name, float(variance), gain @ one @ gain.T, estimated=True)
+            for name, variance, one in zip(self.names, variances.value, self.each, strict=True)
+        ]
+        if self.day_known_kg is not None:
+            through = gain @ self.day @ gain.T
+            effects.append(Effect(DAY, self.day_known_kg**2, through, estimated=False))
+        through = slope**2 * gain @ x_cov @ gain.T
+        return (*effects, Effect(REFERENCES, 1.0, through, estimated=False, scatters=False))
+
+
+def scatter_of(points: Points, names: tuple[str, ...], day_known_kg: float | None) -> Scatter:
+    """The scatter of points by these effects."""
+    day = points.effect(DAY)
+    known = np.eye(points.y_kg.size) * (_ROUNDING * np.abs(points.y_kg).max()) ** 2
+    if day_known_kg is not None:
+        known = known + day_known_kg**2 * day
+    each = np.array([points.effect(name) for name in names])
+    return Scatter(names, each, mean_squares(points, names), day, day_known_kg, known)
+
+
 def fit_line(
     points: Points, *, day_known_kg: float | None = None, lack_of_fit: bool = False
 ) -> FittedLine:
@@ -163,29 +221,20 @@ def fit_line(
         lack_of_fit: whether each load has a deviation of its own from the line.
     """
     names = estimated_effects(points, 2, day_known=day_known_kg is not None)
-    if lack_of_fit:
-        names = (*names, LACK_OF_FIT)
-    squares = mean_squares(points, names)
-    structures = {name: points.effect(name) for name in names}
+    scatter = scatter_of(points, (*names, LACK_OF_FIT) if lack_of_fit else names, day_known_kg)
+    by_squares = scatter.by_squares
     x, y, x_cov = points.x_kg, points.y_kg, points.x_cov_kg2
     centre_kg = float(x.mean())
-    known = np.eye(y.size) * (_ROUNDING * np.abs(y).max()) ** 2
-    if day_known_kg is not None:
-        structures[DAY] = points.effect(DAY)
-        known = known + day_known_kg**2 * structures[DAY]
-    effects = np.array([structures[name] for name in names])
-    by_squares = np.tensordot(squares.T, effects, 1)
     slope = float(np.polyfit(x - centre_kg, y, 1)[0])
     design = np.column_stack([np.ones_like(x), x - centre_kg])
     residual = y
-    rounds = 0
+    rounds, start = 0, None
     while True:
         found = restricted_likelihood(
-            residual, design, by_squares, known + slope**2 * x_cov, points.within
+            residual, design, by_squares, scatter.known + slope**2 * x_cov, points.within, start
         )
-        variances = found.transformed(squares)
-        y_cov = np.tensordot(variances.value, effects, 1) + known
-        line = distance_regression(x - centre_kg, y, x_cov, y_cov)
+        start, variances = found.value, found.transformed(scatter.squares)
+        line = distance_regression(x - centre_kg, y, x_cov, scatter.covariance(variances.value))
         moved, slope = abs(line.slope - slope), line.slope
         design = np.column_stack([np.ones_like(x), line.x])
         residual = line.residual
@@ -193,41 +242,17 @@ def fit_line(
         settled = moved <= _SETTLED * np.sqrt(line.covariance[1, 1])
         if settled or rounds == _ROUNDS or not x_cov.any():
             break
-    point_covariance = y_cov + slope**2 * x_cov
     return FittedLine(
         centre_kg=centre_kg,
         level_kg=line.intercept,
         slope_1=slope,
-        effects=_effects(line, names, structures, variances, point_covariance, x_cov, day_known_kg),
+        effects=scatter.on_line(variances, design, slope, x_cov),
         variances=variances,
         chi2=line.chi2,
         freedom=line.freedom,
         residual_kg=line.residual,
-        point_covariance_kg2=point_covariance,
+        point_covariance_kg2=scatter.covariance(variances.value) + slope**2 * x_cov,
         adjusted_kg=line.x + centre_kg,
         few_days=points.days - 1 if DAY in names and points.days < DAYS_ENOUGH else None,
         most_readings=int(points.readings.max()),
     )
-
-
-def _effects(
-    line: StraightLine,
-    names: tuple[str, ...],
-    structures: dict[str, Floats],
-    variances: Variances,
-    point_covariance: Floats,
-    x_cov: Floats,
-    day_known_kg: float | None,
-) -> tuple[Effect, ...]:
-    design = np.column_stack([np.ones_like(line.x), line.x])
-    # (2, points): how level and slope follow each point
-    gain = line.covariance @ np.linalg.solve(point_covariance, design).T
-    found = [
-        Effect(name, float(variance), gain @ structures[name] @ gain.T, estimated=True)
-        for name, variance in zip(names, variances.value, strict=True)
-    ]
-    if day_known_kg is not None:
-        on_line = gain @ structures[DAY] @ gain.T
-        found.append(Effect(DAY, day_known_kg**2, on_line, estimated=False))
-    on_line = line.slope**2 * gain @ x_cov @ gain.T
-    return (*found, Effect(REFERENCES, 1.0, on_line, estimated=False, scatters=False))

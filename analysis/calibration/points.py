@@ -22,13 +22,15 @@ class Campaign:
         runs: a row a run: run_id, load_id, day, reference_kg, readings, rejected, mean_kg, std_kg.
         fitted: (points,) which rows those are that have a point.
         points: for the fit.
-        readings: the readings in use, with `run` (row of `runs`).
+        readings: the readings in use.
+        references: load_id and reference_kg of every load.
     """
 
     runs: pl.DataFrame
     fitted: np.ndarray
     points: Points
     readings: pl.DataFrame
+    references: pl.DataFrame
 
 
 def campaign_of(
@@ -45,6 +47,7 @@ def campaign_of(
         DataError: what no line can be fitted to.
     """
     _check(readings, references, covariance_kg2)
+    references = references.select("load_id", pl.col("reference_kg").cast(pl.Float64))
     mass = pl.col("mass_kg").cast(pl.Float64)
     used = pl.col("used") & mass.is_finite().fill_null(value=False)
     known = mass.filter(used)
@@ -79,7 +82,9 @@ def campaign_of(
         within=Within(float(part["squares"].sum()), int((part["readings"] - 1).sum())),
     )
     _check_points(points)
-    return Campaign(runs.drop("loads", "days", "squares"), fitted, points, readings.filter(used))
+    return Campaign(
+        runs.drop("loads", "days", "squares"), fitted, points, readings.filter(used), references
+    )
 
 
 def _check(readings: pl.DataFrame, references: pl.DataFrame, covariance_kg2: Floats) -> None:

@@ -43,7 +43,8 @@ def _about_line(calibration: Calibration) -> list[str]:
     if abs(share) > 0.5:
         found.append(
             f"{share:.0%} of a calibrated mass is the offset beta: the estimate moves it "
-            "by little, an error of beta stays whole, and outside the references the line says nothing"
+            "by little, an error of beta stays whole, and outside the references the line "
+            "says nothing"
         )
     test = calibration.lack_of_fit
     if test.p_1 is not None and test.p_1 < LEVEL:

@@ -57,7 +57,12 @@ class Variances:
 
 
 def restricted_likelihood(
-    residual: Floats, design: Floats, effects: Floats, known: Floats, within: Within
+    residual: Floats,
+    design: Floats,
+    effects: Floats,
+    known: Floats,
+    within: Within,
+    start: Floats | None = None,
 ) -> Variances:
     """Estimate the variances of random effects by Fisher scoring.
 
@@ -72,12 +77,13 @@ def restricted_likelihood(
             own variance where `within.freedom` is not 0.
         known: (points, points) covariance that is not estimated.
         within: what the readings say besides of the first effect.
+        start: (effects,) variances to begin with; None for those of plain least squares.
 
     Source:
         Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
         Variance Components, 6.6.
     """
-    value = _start(residual, design, effects, within)
+    value = _start(residual, design, effects, within) if start is None else start
     floor = _FLOOR * float(value.max())
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
@@ -87,7 +93,7 @@ def restricted_likelihood(
         value = stepped
         if settled:
             break
-    return Variances(value, np.linalg.pinv(information, hermitian=True))
+    return Variances(value, np.asarray(np.linalg.pinv(information, hermitian=True), np.float64))
 
 
 def _start(residual: Floats, design: Floats, effects: Floats, within: Within) -> Floats:
@@ -101,6 +107,34 @@ def _start(residual: Floats, design: Floats, effects: Floats, within: Within) ->
     return value
 
 
+def expected_information(
+    design: Floats, effects: Floats, known: Floats, within: Within, value: Floats
+) -> Floats:
+    """(effects, effects) information on the variances that such observations are expected to have.
+
+    Args:
+        design: as `restricted_likelihood` takes it.
+        effects: likewise.
+        known: likewise.
+        within: likewise; its sum of squares is not looked at.
+        value: (effects,) the variances.
+    """
+    return _information(_projection(design, effects, known, value) @ effects, within, value)
+
+
+def _projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
+    weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
+    weighted = weight @ design
+    return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
+
+
+def _information(through: Floats, within: Within, value: Floats) -> Floats:
+    information = 0.5 * np.einsum("kij,lji->kl", through, through)
+    if within.freedom:
+        information[0, 0] += 0.5 * within.freedom / value[0] ** 2
+    return information
+
+
 def _score(
     residual: Floats,
     design: Floats,
@@ -110,19 +144,15 @@ def _score(
     value: Floats,
 ) -> tuple[Floats, Floats]:
     """Derivative of the restricted log-likelihood, and its expected information."""
-    weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
-    weighted = weight @ design
-    projection = weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
+    projection = _projection(design, effects, known, value)
     projected = projection @ residual
     through = projection @ effects
     score = 0.5 * (
         np.einsum("i,kij,j->k", projected, effects, projected) - np.trace(through, 0, 1, 2)
     )
-    information = 0.5 * np.einsum("kij,lji->kl", through, through)
     if within.freedom:
         score[0] += 0.5 * (within.squares / value[0] - within.freedom) / value[0]
-        information[0, 0] += 0.5 * within.freedom / value[0] ** 2
-    return score, information
+    return score, _information(through, within, value)
 
 
 def _stepped(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:

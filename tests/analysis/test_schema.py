@@ -67,7 +67,7 @@ def test_a_name_says_the_dtype():
     whole += ("load_id", "manoeuvres", "mean_samples", "payload_to")
     words = ("kind", "identifiable", "combinations", "method", "check", "about", "meaning")
     words += ("first", "second", "consequence", "remedy", "scale_unknown", "withheld_for")
-    words += ("term", "unit", "cause", "shrinks", "said")
+    words += ("term", "unit", "cause", "shrinks", "said", "calibrated_reason")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
     truths += ("braking_left_out", "scatter_known", "empty")
     dtypes = {
