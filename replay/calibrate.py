@@ -4,19 +4,36 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import polars as pl
 
+from analysis.calibration.calibration import CalibrationOptions
 from analysis.calibration.campaign import CalibrationCampaign
-from analysis.calibration.campaign_fit import fit_campaign, options_of, stated_scale
+from analysis.calibration.campaign_fit import (
+    CampaignFit,
+    fit_campaign,
+    options_of,
+    stated_scale,
+)
+from analysis.calibration.drift import DriftCheck
+from analysis.calibration.error_limits import WITHIN
 from analysis.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.evidence.as_found import as_found
 from recordings.evidence.bundle import tables_of, write_bundle
+from recordings.evidence.canonical import canonical
 from recordings.evidence.checks import Checked, check_bundle
 from recordings.evidence.derived import estimator_of, reference_loads
-from recordings.evidence.document import FORMAT, NOTICE, Chain, EvidenceDocument, Link, Signer
+from recordings.evidence.document import (
+    FORMAT,
+    NOTICE,
+    Chain,
+    EvidenceDocument,
+    EvidenceTables,
+    Link,
+    Signer,
+)
 from recordings.evidence.findings import Outcome
 from recordings.evidence.recording import write_calibration
 from recordings.evidence.signing import SigningKey, signing_key
@@ -54,8 +71,10 @@ class Calibrated:
 
     @property
     def good(self) -> bool:
-        """Whether there is a line."""
-        return self.document.calibration is not None
+        """Whether there is a line, within its limits, and no drift."""
+        said = self.document
+        limits = said.limits is None or said.limits.verdict == WITHIN
+        return said.calibration is not None and limits and not _drifted(said.drift)
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain values."""
@@ -67,6 +86,34 @@ class Calibrated:
             "signed": self.document.signer is not None,
             "remarks": list(self.remarks),
         }
+
+
+def _drifted(drift: DriftCheck | None) -> bool:
+    """Whether a check found drift, or could not tell."""
+    return drift is not None and drift.drifted is not False
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What evidence is made of, before it is written.
+
+    Attributes:
+        kind: "calibration" or "check".
+        campaign: masses and runs.
+        machine: with its settings.
+        replayed: readings and logs.
+        options: of the fit.
+        fitted: line, points, limits.
+        drift: of a check.
+    """
+
+    kind: Literal["calibration", "check"]
+    campaign: CalibrationCampaign
+    machine: Machine
+    replayed: Replayed
+    options: CalibrationOptions
+    fitted: CampaignFit
+    drift: DriftCheck | None = None
 
 
 def calibrate(
@@ -94,8 +141,10 @@ def calibrate(
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
     campaign, machine = load_campaign(campaign_file)
+    # as evidence keeps it, its keys in another order: a replay of that gives the same frames
+    machine = Machine.model_validate_json(canonical(machine.model_dump(mode="json")))
     key = signing_key(key_file)
-    before = _before(previous, campaign)
+    before = None if previous is None else before_of(previous, campaign.machine.id)
     check_folder(folder, force=force)
     with staged([folder], force=force) as stage:
         made = stage / folder.name
@@ -108,80 +157,116 @@ def calibrate(
             on_log,
         )
         on_log("evidence")
-        document, points, tables = _evidence(campaign, machine, replayed, key, before)
-        write_calibration(made, document, replayed.readings, points)
-        remarks = write_bundle(made, document, replayed.readings, points, tables, key)
-        _refuse_faulty(made, folder, key, previous)
-    return Calibrated(folder, document, replayed.readings, points, tuple(remarks))
+        options = options_of(campaign, stated_scale(campaign, replayed.budgets))
+        fitted = fit_campaign(campaign, machine.machine, replayed.readings, options)
+        evidence = Evidence("calibration", campaign, machine, replayed, options, fitted)
+        return finish(evidence, made, folder, key, before, previous)
 
 
-def _before(previous: Path | None, campaign: CalibrationCampaign) -> Checked | None:
+def before_of(previous: Path, machine_id: str | None) -> Checked:
     """The machine's evidence before this, checked.
+
+    Args:
+        previous: its folder.
+        machine_id: of the machine that it has to be of, if that is known.
 
     Raises:
         EvidenceError: it is of another machine, or something is wrong with it.
     """
-    if previous is None:
-        return None
     checked = check_bundle(previous)
     wrong = [each for each in checked.findings if each.outcome is not Outcome.OUTSIDE]
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
         raise EvidenceError(f"{previous}: nothing can be chained to it: {first}")
     machine = checked.document.campaign.machine.id
-    if machine != campaign.machine.id:
+    if machine_id not in (None, machine):
         raise EvidenceError(
-            f"{previous}: is evidence of machine '{machine}', this campaign of "
-            f"'{campaign.machine.id}'; name that of the same machine"
+            f"{previous}: is evidence of machine '{machine}', this campaign of '{machine_id}'; "
+            "name that of the same machine"
         )
     return checked
 
 
-def _evidence(
-    campaign: CalibrationCampaign,
-    machine: Machine,
-    replayed: Replayed,
+def finish(
+    evidence: Evidence,
+    made: Path,
+    folder: Path,
     key: SigningKey | None,
     before: Checked | None,
-) -> tuple[EvidenceDocument, pl.DataFrame, dict[str, bytes]]:
-    """The evidence, its points and its tables as they are written."""
-    if replayed.readings["mass_kg"].null_count() == replayed.readings.height:
+    previous: Path | None,
+) -> Calibrated:
+    """Write the evidence, and check it as a stranger would before it gets its name.
+
+    Args:
+        evidence: what it is made of.
+        made: where it is written; recordings of the replays are there already.
+        folder: the name that it will get.
+        key: signs; None leaves it unsigned.
+        before: the machine's evidence before it.
+        previous: where that is.
+
+    Raises:
+        CampaignError: no run gave a reading.
+        OutputError: what was written does not pass the check.
+    """
+    readings, points = evidence.replayed.readings, evidence.fitted.frame
+    if readings["mass_kg"].null_count() == readings.height:
         raise CampaignError(
-            "no run of the campaign gave a reading; `payscope run` says of each log why"
+            f"{', '.join(evidence.campaign.logs)}: no run gave a reading; `payscope run` says of "
+            "each log why"
         )
-    options = options_of(campaign, stated_scale(campaign, replayed.budgets))
-    fitted = fit_campaign(campaign, machine.machine, replayed.readings, options)
-    tables, digests = tables_of(replayed.readings, fitted.frame)
+    tables, digests = tables_of(readings, points)
+    document = _document(evidence, digests, key, before)
+    write_calibration(made, document, readings, points)
+    remarks = write_bundle(made, document, readings, points, tables, key)
+    checked = check_bundle(made, None if key is None else key.public, previous)
+    wrong = [str(each) for each in checked.findings if each.outcome is not Outcome.OUTSIDE]
+    if wrong:
+        raise OutputError(
+            f"{folder}: what was written does not pass its own check, so nothing was kept: "
+            + "; ".join(wrong[:_MOST_LINES])
+        )
+    return Calibrated(folder, document, readings, points, tuple(remarks))
+
+
+def _document(
+    evidence: Evidence, digests: EvidenceTables, key: SigningKey | None, before: Checked | None
+) -> EvidenceDocument:
+    campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads(campaign, machine)
     estimator = estimator_of(campaign, machine)
-    document = EvidenceDocument(
+    last = None if before is None else before.document
+    return EvidenceDocument(
         format=FORMAT,
-        kind="calibration",
+        kind=evidence.kind,
         id=new_id(),
         made=now(),
         notice=NOTICE,
         campaign=campaign,
-        expires=campaign.expires,
+        # a check does not prolong what it checks
+        expires=last.expires if last and evidence.kind == "check" else campaign.expires,
         machine=machine,
         estimator=estimator,
-        logs=replayed.logs,
+        logs=evidence.replayed.logs,
         references=loads,
         reference_covariance_kg2=covariance,
         tables=digests,
-        options=options,
+        options=evidence.options,
         calibration=fitted.calibration,
         no_fit=fitted.no_fit,
-        as_found=as_found(before.document if before else None, estimator, fitted.frame),
+        limits=fitted.limits,
+        drift=evidence.drift,
+        as_found=as_found(last, estimator, fitted.frame),
         replay_tolerance_kg=TOLERANCE_KG,
         chain=_chain(before),
-        signer=None
-        if key is None
-        else Signer(
-            name=campaign.campaign.signer, key_id=key.public.key_id, public_key=key.public.text
-        ),
+        signer=None if key is None else _signer(campaign, key),
         software=software(),
     )
-    return document, fitted.frame, tables
+
+
+def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
+    name = campaign.campaign.signer
+    return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
 def _chain(before: Checked | None) -> Chain:
@@ -194,14 +279,3 @@ def _chain(before: Checked | None) -> Chain:
         sums_sha256=hashlib.sha256(before.sums).hexdigest(),
     )
     return Chain(counter=last.chain.counter + 1, previous=link)
-
-
-def _refuse_faulty(made: Path, folder: Path, key: SigningKey | None, previous: Path | None) -> None:
-    """Check what was written as a stranger would, before it gets its name."""
-    checked = check_bundle(made, None if key is None else key.public, previous)
-    wrong = [str(each) for each in checked.findings if each.outcome is not Outcome.OUTSIDE]
-    if wrong:
-        raise OutputError(
-            f"{folder}: what was written does not pass its own check, so nothing was kept: "
-            + "; ".join(wrong[:_MOST_LINES])
-        )

@@ -3,6 +3,7 @@
 import datetime as dt
 import json
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import polars as pl
@@ -139,10 +140,7 @@ def _stretches(log: Log, machine: Machine | None) -> Iterator[tuple[list[str], s
         yield [], seen
         return
     # a run ends midway between two loads, where the machine stood
-    middles = [
-        (before["end_t_ns"] + after["start_t_ns"]) / 2e9
-        for before, after in zip(rows, rows[1:], strict=False)
-    ]
+    middles = [(before["end_t_ns"] + after["start_t_ns"]) / 2e9 for before, after in pairwise(rows)]
     for row, begin, end in zip(rows, [None, *middles], [*middles, None], strict=True):
         stretch = [
             *([] if begin is None else [f"from_s = {begin:.1f}"]),

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from analysis.calibration.campaign import CalibrationCampaign
+from analysis.calibration.campaign_fit import rule_of
 from analysis.calibration.reference_masses import references
 from analysis.machine import Machine
-from estimators.errors import CampaignError
+from estimators.errors import CampaignError, DataError
 from replay.machine_file import load_machine, machine_path
 from replay.toml_file import read_toml, validate
 
@@ -32,7 +33,8 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     try:
         references(campaign, machine.machine)
-    except CampaignError as fault:
+        rule_of(campaign)
+    except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
     overdue = campaign.overdue()
     if overdue:

@@ -12,7 +12,7 @@ from analysis.calibration.campaign import (
     Conditions,
     ReferenceMass,
 )
-from analysis.calibration.drift_of import checked_points, drift_of
+from analysis.calibration.mass_check import check_known_mass
 from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import CampaignError, EvidenceError
 from recordings.evidence.document import EvidenceDocument
@@ -81,28 +81,32 @@ def check_mass(
         made.mkdir()
         replayed = replay_runs(campaign, last.machine, lambda _: log, None, on_log)
         on_log("evidence")
-        drift = drift_of(campaign, last.machine.machine, replayed.readings, last.calibration)
-        points = checked_points(
+        fitted, drift = check_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration
         )
-        evidence = Evidence(
-            "check", campaign, last.machine, replayed, last.options, last.calibration, drift=drift
-        )
-        return finish(evidence, points, made, folder, key, before, previous)
+        evidence = Evidence("check", campaign, last.machine, replayed, last.options, fitted, drift)
+        return finish(evidence, made, folder, key, before, previous)
 
 
 def _campaign(last: EvidenceDocument, log: Path, known: Known) -> CalibrationCampaign:
     """A campaign of one run."""
     if known.value_kg < 0.0:
         raise CampaignError(f"--check {known.value_kg:g}: a mass on board is 0 kg or more")
-    mass = ReferenceMass(
-        id=_MASS, value_kg=known.value_kg or 1.0, u_kg=known.u_kg, certificate=known.certificate
+    mass = ReferenceMass.model_validate(
+        {
+            "id": _MASS,
+            "value_kg": known.value_kg or 1.0,
+            "u_kg": known.u_kg,
+            "certificate": known.certificate,
+        }
     )
-    run = CampaignRun(
-        id="check",
-        log=log.name,
-        loads=(_MASS,) if known.value_kg else (),
-        day=_day(last, log, known.day),
+    run = CampaignRun.model_validate(
+        {
+            "id": "check",
+            "log": log.name,
+            "loads": (_MASS,) if known.value_kg else (),
+            "day": _day(last, log, known.day),
+        }
     )
     return last.campaign.model_copy(
         update={

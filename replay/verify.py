@@ -17,7 +17,6 @@ from recordings.evidence.findings import BundleFinding, Outcome, worst
 from recordings.evidence.folder import EVIDENCE, READINGS
 from recordings.evidence.signing import public_key
 from recordings.evidence.words import unseen
-from replay.campaign_runs import replay_runs
 
 _MOST_ENTRIES: Final = 100_000
 _DEEPEST: Final = 8
@@ -95,13 +94,8 @@ def verify(
     if logs is not None and not logs.is_dir():
         raise EvidenceError(f"{logs}: no such folder; name the folder with the logs")
     checked = check_bundle(folder, key, previous)
-    done = [
-        "names, digests and schema of every file; nothing in the folder was run",
-        *(["the signature, by the key given"] if key else []),
-        *(["the chain, to the evidence before"] if previous else []),
-        "fit, budget, points, report and the reasons of what was left out, computed anew",
-    ]
     document = checked.document
+    done = _done(checked, key is not None, previous is not None)
     if logs is not None and document is not None and checked.readings is not None:
         _replay(checked, document, checked.readings, logs)
         done.append(f"{counted(len(document.logs), 'log')} replayed and every reading compared")
@@ -118,6 +112,18 @@ def verify(
     )
 
 
+def _done(checked: Checked, keyed: bool, chained: bool) -> list[str]:
+    """What a check of the folder itself looked at."""
+    done = ["names and digests of every file; nothing in the folder was run"]
+    if checked.document is not None:
+        done.append("the schema of evidence.json")
+        done += ["the signature, by the key given"] if keyed else []
+        done += ["the chain, to the evidence before"] if chained else []
+    if checked.readings is not None:
+        done.append("fit, budget, limits, points, report and each reason, computed anew")
+    return done
+
+
 def _replay(
     checked: Checked, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
 ) -> None:
@@ -130,6 +136,9 @@ def _replay(
             paths[log.log] = path
     if len(paths) < len(document.logs):
         return
+    # the estimators are slow to import, and only a replay needs them
+    from replay.campaign_runs import replay_runs
+
     try:
         replayed = replay_runs(document.campaign, document.machine, lambda log: paths[log])
     except PayscopeError as fault:
@@ -178,9 +187,7 @@ def _near(kept: float | None, now: float | None, tolerance: float) -> bool:
     return abs(kept - now) <= tolerance
 
 
-def _path_of(
-    checked: Checked, log: EvidenceLog, found: dict[str, list[Path]]
-) -> Path | None:
+def _path_of(checked: Checked, log: EvidenceLog, found: dict[str, list[Path]]) -> Path | None:
     """Where a log is: its files, by name and digest, all in one folder."""
     item = f"logs: {log.log}"
     places: list[Path] | None = None
@@ -189,9 +196,11 @@ def _path_of(
         same = [path.parent for path in named if _digest(path) == file.sha256]
         if not same:
             if named:
-                checked.add(Outcome.TAMPERED, item, f"'{file.name}' is not the file of the evidence")
+                what = f"'{file.name}' is not the file of the evidence"
+                checked.add(Outcome.TAMPERED, item, what)
             else:
-                checked.add(Outcome.INCOMPLETE, item, f"'{file.name}' is not in the folder of logs")
+                what = f"'{file.name}' is not in the folder of logs"
+                checked.add(Outcome.INCOMPLETE, item, what)
             return None
         places = same if places is None else [place for place in places if place in same]
     if not places:

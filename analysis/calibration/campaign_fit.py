@@ -13,6 +13,12 @@ from analysis.calibration.calibration import (
     Stated,
 )
 from analysis.calibration.campaign import JOINT_ESTIMATORS, CalibrationCampaign
+from analysis.calibration.error_limits import (
+    DecisionRule,
+    ErrorLimits,
+    error_limits,
+    limit_kg,
+)
 from analysis.calibration.fit import fit_calibration
 from analysis.calibration.reference_masses import references
 from analysis.machine import Body
@@ -52,11 +58,14 @@ class CampaignFit:
         calibration: the line; None where the readings determine none.
         no_fit: why there is none, else empty.
         points: a row a run, also where there is no line.
+        limits: whether it is within the error limits that the campaign asks for; None where it
+            asks for none, or there is no line.
     """
 
     calibration: Calibration | None
     no_fit: str
     points: tuple[Point, ...]
+    limits: ErrorLimits | None
 
     @property
     def frame(self) -> pl.DataFrame:
@@ -79,12 +88,29 @@ def fit_campaign(
         options: of the fit.
     """
     known, covariance_kg2 = references(campaign, body)
+    rule_of(campaign)
     try:
         fitted = fit_calibration(readings, known, covariance_kg2, options)
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
-        return CampaignFit(None, no_fit, _points(readings, known))
-    return CampaignFit(fitted, "", fitted.points)
+        return CampaignFit(None, no_fit, unfitted_points(readings, known), None)
+    rule = rule_of(campaign)
+    limits = None if rule is None else error_limits(fitted, rule)
+    return CampaignFit(fitted, "", fitted.points, limits)
+
+
+def rule_of(campaign: CalibrationCampaign) -> DecisionRule | None:
+    """The decision rule that a campaign file asks for.
+
+    Raises:
+        DataError: no such class, or one that needs a scale interval.
+    """
+    asked = campaign.decision
+    if asked is None:
+        return None
+    rule = DecisionRule(**asked.model_dump())
+    limit_kg(rule, 1.0)
+    return rule
 
 
 def options_of(campaign: CalibrationCampaign, stated: Iterable[Stated]) -> CalibrationOptions:
@@ -134,8 +160,13 @@ def stated_scale(
     )
 
 
-def _points(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
-    """Means of runs without a line."""
+def unfitted_points(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point, ...]:
+    """Means of runs, without a line.
+
+    Args:
+        readings: frame `readings`.
+        known: `load_id`, `reference_kg`.
+    """
     used = pl.col("used") & pl.col("mass_kg").is_not_null()
     rows = (
         readings.group_by("run_id", maintain_order=True)

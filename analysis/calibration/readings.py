@@ -96,6 +96,8 @@ def _of_method(replayed: Run, method: str) -> list[dict[str, Any]]:
     stated = replayed.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
     found: list[dict[str, Any]] = []
     for row, mass_kg in zip(segments.to_dicts(), masses, strict=True):
+        if mass_kg is None:
+            continue  # braking, a turn, or too little in it: no start
         inside = stated.filter(pl.col("t_ns").is_between(row["start_t_ns"], row["end_t_ns"]))
         # windows overlap: together they say no more than one of them
         std_kg = inside["mass_std_kg"].mean() if inside.height else None

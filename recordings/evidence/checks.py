@@ -31,8 +31,10 @@ from recordings.evidence.folder import (
 )
 from recordings.evidence.recomputed import recompute
 from recordings.evidence.signing import PREDICATE_TYPE, STATEMENT_TYPE, PublicKey, Signed, opened
-from recordings.evidence.tables import read_table
+from recordings.evidence.tables import StrangeTable, read_tables
 
+#: Of entries that are no bundle's.
+_MOST_NAMED: Final = 20
 _UNKNOWN_KEY: Final = (
     "no key was given: the signature only shows that whoever holds the key named in the bundle "
     "signed it; give the signer's public key with --key"
@@ -70,7 +72,7 @@ def check_bundle(
     Args:
         folder: the bundle; nothing in it is run, no link followed, nothing outside read.
         key: whose signature is asked for.
-        previous: the machine's evidence before it.
+        previous: the machine's evidence before it, trusted to be genuine, if it is whole.
 
     Raises:
         EvidenceError: there is no such folder, or it is no bundle at all.
@@ -78,7 +80,7 @@ def check_bundle(
     checked = _checked(folder, key)
     document = checked.document
     if document is not None:
-        _check_chain(checked, document, None if previous is None else _checked(previous, key))
+        _check_chain(checked, document, None if previous is None else _checked(previous, None))
     return checked
 
 
@@ -98,8 +100,7 @@ def _checked(folder: Path, key: PublicKey | None) -> Checked:
     checked.document = document
     _check_signature(checked, held, digests, document, key)
     _check_recordings(checked, document, digests)
-    readings = _table(checked, held, READINGS, READING_COLUMNS, document.tables.readings_sha256)
-    points = _table(checked, held, POINTS, POINT_COLUMNS, document.tables.points_sha256)
+    readings, points = _tables(checked, held, document)
     checked.readings = readings
     if readings is not None:
         findings, notes = recompute(document, readings, points, _report(held))
@@ -111,8 +112,11 @@ def _checked(folder: Path, key: PublicKey | None) -> Checked:
 def _files(folder: Path, checked: Checked) -> dict[str, BundleFile]:
     """Every file that a bundle may hold, against SHA256SUMS."""
     names, strange = listing(folder)
-    for name, what in strange:
+    for name, what in strange[:_MOST_NAMED]:
         checked.add(Outcome.TAMPERED, name, what)
+    if len(strange) > _MOST_NAMED:
+        more = f"{len(strange) - _MOST_NAMED} entries more"
+        checked.add(Outcome.TAMPERED, more, "are no bundle's")
     held: dict[str, BundleFile] = {}
     for name in names:
         try:
@@ -122,14 +126,21 @@ def _files(folder: Path, checked: Checked) -> dict[str, BundleFile]:
     for name in (*REQUIRED, SUMS):
         if name not in names:
             checked.add(Outcome.INCOMPLETE, name, "is missing")
-    if SUMS not in held:
-        return held
-    checked.sums = _data(held, SUMS)
-    try:
-        listed = parse_sums(checked.sums)
-    except EvidenceError as fault:
-        checked.add(Outcome.TAMPERED, SUMS, _without(SUMS, fault))
-        return held
+    if SUMS in held:
+        checked.sums = _data(held, SUMS)
+        try:
+            _check_sums(checked, names, held, parse_sums(checked.sums))
+        except EvidenceError as fault:
+            checked.add(Outcome.TAMPERED, SUMS, _without(SUMS, fault))
+    return held
+
+
+def _check_sums(
+    checked: Checked,
+    names: list[str],
+    held: Mapping[str, BundleFile],
+    listed: Mapping[str, str],
+) -> None:
     for name, digest in listed.items():
         if name in held and held[name].sha256 != digest:
             checked.add(Outcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
@@ -137,7 +148,6 @@ def _files(folder: Path, checked: Checked) -> dict[str, BundleFile]:
             checked.add(Outcome.INCOMPLETE, name, f"is missing, and {SUMS} lists it")
     for name in sorted(set(held) - set(listed) - set(UNLISTED)):
         checked.add(Outcome.TAMPERED, name, f"is not listed in {SUMS}")
-    return held
 
 
 def _check_signature(
@@ -231,22 +241,27 @@ def _check_recordings(
             checked.add(Outcome.TAMPERED, name, "is a recording that the evidence does not name")
 
 
-def _table(
-    checked: Checked,
-    held: Mapping[str, BundleFile],
-    name: str,
-    columns: Mapping[str, type[pl.DataType]],
-    digest: str,
-) -> pl.DataFrame | None:
-    if name not in held:
-        return None
-    if held[name].sha256 != digest:
-        checked.add(Outcome.TAMPERED, name, "is not the table whose digest evidence.json has")
-    try:
-        return read_table(_data(held, name), name, columns)
-    except EvidenceError as fault:
-        checked.add(Outcome.TAMPERED, name, _without(name, fault))
-        return None
+def _tables(
+    checked: Checked, held: Mapping[str, BundleFile], document: EvidenceDocument
+) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
+    """Readings and points; None of what cannot be read."""
+    digests = {
+        READINGS: document.tables.readings_sha256,
+        POINTS: document.tables.points_sha256,
+    }
+    schemas = {READINGS: READING_COLUMNS, POINTS: POINT_COLUMNS}
+    there = [name for name in (READINGS, POINTS) if name in held]
+    for name in there:
+        if held[name].sha256 != digests[name]:
+            checked.add(Outcome.TAMPERED, name, "is not the table whose digest evidence.json has")
+    asked = [StrangeTable(_data(held, name), schemas[name]) for name in there]
+    found: dict[str, pl.DataFrame] = {}
+    for name, table in zip(there, read_tables(asked), strict=True):
+        if isinstance(table, str):
+            checked.add(Outcome.TAMPERED, name, table)
+        else:
+            found[name] = table
+    return found.get(READINGS), found.get(POINTS)
 
 
 def _check_chain(checked: Checked, document: EvidenceDocument, before: Checked | None) -> None:
@@ -284,6 +299,10 @@ def _check_chain(checked: Checked, document: EvidenceDocument, before: Checked |
         checked.add(Outcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
     else:
         _check_as_found(checked, document, last)
+        kept = (document.calibration, document.expires)
+        if document.kind == "check" and kept != (last.calibration, last.expires):
+            what = "line and last day are not those of the evidence before, which it is a check of"
+            checked.add(Outcome.TAMPERED, f"{EVIDENCE}: calibration", what)
 
 
 def _check_as_found(checked: Checked, document: EvidenceDocument, last: EvidenceDocument) -> None:

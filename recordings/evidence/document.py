@@ -13,6 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 
 from analysis.calibration.calibration import Calibration, CalibrationOptions
 from analysis.calibration.campaign import CalibrationCampaign, Id, Line
+from analysis.calibration.drift import DriftCheck
+from analysis.calibration.error_limits import ErrorLimits
 from analysis.machine import Machine
 from estimators.errors import EvidenceError
 from recordings.evidence.canonical import canonical, parse
@@ -173,6 +175,8 @@ class EvidenceDocument(BaseModel):
     options: CalibrationOptions
     calibration: Calibration | None
     no_fit: Sentence
+    limits: ErrorLimits | None
+    drift: DriftCheck | None
     as_found: AsFound | None
     replay_tolerance_kg: float = Field(ge=0, le=1e-3)
     chain: Chain

@@ -61,7 +61,7 @@ def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
         Names of regular files that a bundle may hold, sorted; and (name, fault) of all else.
 
     Raises:
-        EvidenceError: it is no folder, or holds more entries than any bundle.
+        EvidenceError: it is no folder, holds none of a bundle's files, or more entries than any.
     """
     if not folder.is_dir():
         raise EvidenceError(f"{folder}: no such folder; `payscope calibrate` writes one")
@@ -81,6 +81,8 @@ def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
             bad.append((name, "is no file of a bundle"))
         else:
             good.append(name)
+    if not good and not any(name in (*REQUIRED, *UNLISTED) for name, _ in bad):
+        raise EvidenceError(f"{folder}: no evidence in this folder; `payscope calibrate` writes it")
     return sorted(good), sorted(bad)
 
 

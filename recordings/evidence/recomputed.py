@@ -1,12 +1,17 @@
 """Everything in a bundle that follows from the rest of it, computed anew and compared."""
 
 from collections.abc import Iterator
+from importlib.metadata import version
 from typing import Any, Final
 
 import polars as pl
+from pydantic_core import to_jsonable_python
 
 from analysis.calibration.campaign import CampaignRun
-from analysis.calibration.campaign_fit import fit_campaign, options_of
+from analysis.calibration.campaign_fit import CampaignFit, fit_campaign, options_of
+from analysis.calibration.drift import DriftCheck
+from analysis.calibration.error_limits import WITHIN
+from analysis.calibration.mass_check import check_known_mass
 from estimators.errors import CampaignError, PayscopeError
 from recordings.evidence.as_found import rms_error_kg
 from recordings.evidence.derived import estimator_of, reference_loads
@@ -49,9 +54,17 @@ def recompute(
     if report is not None and points is not None:
         page = report_html(document, readings, points).encode()
         if page != report:
-            what = "is not the page that the evidence gives"
-            found.append(BundleFinding(Outcome.TAMPERED, REPORT, what))
+            found.append(_other_page(document))
+    found += _verdicts(document)
     return found, notes
+
+
+def _other_page(document: EvidenceDocument) -> BundleFinding:
+    made, mine = document.software.payscope, version("payscope")
+    if made != mine:
+        what = f"was made with payscope {made}, and that of payscope {mine} is another page"
+        return BundleFinding(Outcome.IRREPRODUCIBLE, REPORT, what)
+    return BundleFinding(Outcome.TAMPERED, REPORT, "is not the page that the evidence gives")
 
 
 def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
@@ -89,7 +102,7 @@ def _irreproducible(place: str, what: str) -> BundleFinding:
 def _of_files(document: EvidenceDocument) -> Findings:
     """What follows from the campaign and machine files."""
     campaign, machine = document.campaign, document.machine
-    if document.expires != campaign.expires:
+    if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
     if document.estimator != estimator_of(campaign, machine):
         yield _irreproducible("estimator", "is not that of the settings")
@@ -167,15 +180,13 @@ def _of_fit(
     notes: list[str],
 ) -> Findings:
     """The fit, its budget and verdict, and the points."""
-    fitted = fit_campaign(document.campaign, document.machine.machine, readings, document.options)
+    fitted, drift = _refitted(document, readings)
     stored = document.calibration
-    pairs = (
-        (
-            "calibration",
-            None if stored is None else stored.to_dict(),
-            None if fitted.calibration is None else fitted.calibration.to_dict(),
-        ),
+    pairs: tuple[tuple[str, Any, Any], ...] = (
+        ("calibration", _plain(stored), _plain(fitted.calibration)),
         ("no_fit", document.no_fit, fitted.no_fit),
+        ("limits", _plain(document.limits), _plain(fitted.limits)),
+        ("drift", _plain(document.drift), _plain(drift)),
     )
     places = [each for name, kept, computed in pairs for each in differences(kept, computed, name)]
     wrong = [place for place, near in places if not near]
@@ -192,6 +203,35 @@ def _of_fit(
     if points is not None and (wrong or not places) and not points.equals(fitted.frame):
         yield BundleFinding(Outcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings")
     yield from _of_as_found(document, fitted.frame)
+
+
+def _refitted(
+    document: EvidenceDocument, readings: pl.DataFrame
+) -> tuple[CampaignFit, DriftCheck | None]:
+    """What the readings come to; of a check, under the line that it is a check of."""
+    campaign, body = document.campaign, document.machine.machine
+    if document.kind == "check" and document.calibration is not None:
+        return check_known_mass(campaign, body, readings, document.calibration)
+    return fit_campaign(campaign, body, readings, document.options), None
+
+
+def _plain(value: Any) -> Any:
+    """A dataclass as JSON has it."""
+    return None if value is None else to_jsonable_python(value)
+
+
+def _verdicts(document: EvidenceDocument) -> Findings:
+    """What the evidence itself says is not within limits."""
+    limits, drift = document.limits, document.drift
+    if limits is not None and limits.verdict != WITHIN:
+        yield BundleFinding(Outcome.OUTSIDE, f"{EVIDENCE}: limits", limits.statement)
+    if drift is not None and drift.drifted is not False:
+        what = (
+            f"cannot be told: {drift.reason}"
+            if drift.drifted is None
+            else f"the machine has drifted, by {drift.difference_kg:+.4g} kg"
+        )
+        yield BundleFinding(Outcome.OUTSIDE, f"{EVIDENCE}: drift", what)
 
 
 def _of_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findings:

@@ -9,13 +9,12 @@ import json
 import math
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import polars as pl
-
-from estimators.errors import EvidenceError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -43,41 +42,69 @@ def write_table(frame: pl.DataFrame) -> bytes:
     return buffer.getvalue()
 
 
-def read_table(data: bytes, what: str, schema: Schema) -> pl.DataFrame:
+@dataclass(frozen=True, slots=True)
+class StrangeTable:
+    """A table of a stranger.
+
+    Attributes:
+        data: its bytes.
+        schema: the columns that it must have, in order.
+    """
+
+    data: bytes
+    schema: Schema
+
+
+def read_tables(tables: Sequence[StrangeTable]) -> list[pl.DataFrame | str]:
     """Read what `write_table` wrote, of a stranger.
 
-    Args:
-        data: the bytes.
-        what: what they are, for the error.
-        schema: the columns that it must have, in order.
-
-    Raises:
-        EvidenceError: other columns, compressed or coded, too many rows, a number that is not
-            finite, or damaged.
+    Returns:
+        The frame of each; or its fault: other columns, compressed or coded, too many rows, a number
+        that is not finite, or damaged.
     """
-    wanted = [[f.name, str(f.type)] for f in _plain(pl.DataFrame(schema=schema)).schema]
-    # the process sees no environment, takes nothing from here, and writes JSON
+    said = _read(tables)
+    if said is None and len(tables) > 1:  # one of them ended the reader: which?
+        return [each for table in tables for each in read_tables([table])]
+    if said is None:
+        return ["is damaged so that no reader survives it"]
+    return [_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
+
+
+def _read(tables: Sequence[StrangeTable]) -> list[dict[str, Any]] | None:
+    """What the reader's process says of each; None where it ended without a word."""
+    asked = [
+        {
+            "bytes": len(table.data),
+            "columns": [
+                [field.name, str(field.type)]
+                for field in _plain(pl.DataFrame(schema=table.schema)).schema
+            ],
+        }
+        for table in tables
+    ]
+    # the process writes JSON, and is told nothing but what columns to expect
     child = subprocess.Popen(
-        [sys.executable, "-I", str(_READER), json.dumps(wanted)],
+        [sys.executable, "-I", str(_READER), json.dumps(asked)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
     try:
-        out, _ = child.communicate(data, timeout=_PATIENCE_S)
+        out, _ = child.communicate(b"".join(t.data for t in tables), timeout=_PATIENCE_S)
     except subprocess.TimeoutExpired:
         child.kill()
         child.communicate()
-        raise EvidenceError(f"{what}: cannot be read within {_PATIENCE_S:.0f} s") from None
-    if child.returncode or len(out) > _MOST_OUTPUT:
-        raise EvidenceError(f"{what}: is damaged so that no reader survives it")
-    said = json.loads(out)
+        return None
+    return None if child.returncode or len(out) > _MOST_OUTPUT else json.loads(out)
+
+
+def _frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
     if "fault" in said:
-        raise EvidenceError(f"{what}: {said['fault']}")
+        return str(said["fault"])
     columns: dict[str, list[Any]] = said["columns"]
     for values in columns.values():
         if any(isinstance(v, float) and not math.isfinite(v) for v in values):
-            raise EvidenceError(f"{what}: holds a number that is not finite")
+            return "holds a number that is not finite"
     return pl.DataFrame(columns, schema=dict(schema))
 
 

@@ -6,6 +6,7 @@ from typing import Final
 import polars as pl
 
 from analysis.calibration.calibration import Calibration
+from analysis.calibration.next_load import next_load
 from recordings.evidence.document import EvidenceDocument
 
 ESTIMATORS: Final = {
@@ -15,6 +16,11 @@ ESTIMATORS: Final = {
 }
 #: Below it, β is a correction; above, it is most of what is reported.
 _MUCH: Final = 0.5
+
+_NO_CONFORMITY: Final = (
+    "This compares with the limits of a class, and is no statement of conformity with the "
+    "recommendation: its other tests were not made."
+)
 
 _UNSEEN: Final = (
     "A run that was left out before the campaign file was written and signed: nothing in a bundle "
@@ -37,7 +43,12 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
     if fitted is None:
         found += _without_line(document, readings, points)
     else:
-        found += [_about_beta(fitted), *(f"{_capital(said)}." for said in fitted.says)]
+        found += [
+            *_outcome(document),
+            _about_beta(fitted),
+            *(f"{_capital(said)}." for said in fitted.says),
+            *(_advice(fitted) if document.kind == "calibration" else ()),
+        ]
     found_as = document.as_found
     if found_as is not None:
         error = (
@@ -61,6 +72,40 @@ def unseen(document: EvidenceDocument) -> list[str]:
         else ()
     )
     return [*_UNSEEN, *first]
+
+
+def _outcome(document: EvidenceDocument) -> list[str]:
+    """Limits and drift, with their risks."""
+    found: list[str] = []
+    if document.limits is not None:
+        found.append(f"{_capital(document.limits.statement)}. {_NO_CONFORMITY}")
+    drift = document.drift
+    if drift is not None and drift.drifted is None:
+        found.append(f"Whether the machine has drifted cannot be told: {drift.reason}.")
+    elif drift is not None and drift.difference_kg is not None and drift.limit_kg is not None:
+        risk = (
+            f"A machine that has not drifted would be as far off with a probability of "
+            f"{drift.p_1:.2g}."
+            if drift.drifted
+            else f"A drift of {drift.matters_kg:,.1f} kg would have been missed with a probability "
+            f"of {drift.missed_1:.2g}."
+        )
+        found.append(
+            f"{'Drifted' if drift.drifted else 'Not drifted'}: the known mass comes out "
+            f"{drift.difference_kg:+,.1f} kg off, and up to {drift.limit_kg:,.1f} kg is what the "
+            f"calibration allows. {risk} The line is that of the calibration before."
+        )
+    return found
+
+
+def _advice(fitted: Calibration) -> list[str]:
+    """Which load to run next."""
+    best = next_load(fitted)[0]
+    return [
+        f"Next load: of those of this campaign, one more run with '{best.load_id}' on another day "
+        f"makes the line surest; half the interval of a later mass would go from "
+        f"{best.half_width_now_kg:,.1f} to {best.half_width_kg:,.1f} kg."
+    ]
 
 
 def _about_beta(fitted: Calibration) -> str:

@@ -58,9 +58,7 @@ def command(
     with Stages(1) as stages:
         if check is not None and previous is not None:
             known = Known(check, check_u, certificate, day)
-            made = check_mass(
-                source, known, output, previous=previous, key_file=key, force=force
-            )
+            made = check_mass(source, known, output, previous=previous, key_file=key, force=force)
         else:
             made = calibrate(
                 source,
