@@ -182,11 +182,11 @@ class CalibrationCampaign(BaseModel):
 
     campaign: About
     machine: CalibratedMachine
-    masses: tuple[ReferenceMass, ...] = ()
+    masses: tuple[ReferenceMass, ...] = Field((), max_length=200)
     conditions: Conditions = Conditions.model_validate({})
     method: CampaignMethod = CampaignMethod.model_validate({})
     decision: AskedLimits | None = None
-    runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=2000)
+    runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=500)
 
     @model_validator(mode="before")
     @classmethod

@@ -166,7 +166,13 @@ def unfitted_points(readings: pl.DataFrame, known: pl.DataFrame) -> tuple[Point,
     Args:
         readings: frame `readings`.
         known: `load_id`, `reference_kg`.
+
+    Raises:
+        DataError: a load without a reference.
     """
+    unknown = set(readings["load_id"]) - set(known["load_id"])
+    if unknown:
+        raise DataError(f"calibration: no reference for load '{min(unknown)}'")
     used = pl.col("used") & pl.col("mass_kg").is_not_null()
     rows = (
         readings.group_by("run_id", maintain_order=True)

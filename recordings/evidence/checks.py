@@ -80,7 +80,19 @@ def check_bundle(
     checked = _checked(folder, key)
     document = checked.document
     if document is not None:
-        _check_chain(checked, document, None if previous is None else _checked(previous, None))
+        _check_chain(checked, document, None if previous is None else _trusted(previous))
+    return checked
+
+
+def _trusted(folder: Path) -> Checked:
+    """Evidence that is trusted to be genuine: whether it is whole, and what it is."""
+    checked = Checked()
+    held = _files(folder, checked)
+    if EVIDENCE in held:
+        try:
+            checked.document = document_of(_data(held, EVIDENCE), EVIDENCE)
+        except EvidenceError as fault:
+            checked.add(Outcome.TAMPERED, EVIDENCE, _without(EVIDENCE, fault))
     return checked
 
 

@@ -18,8 +18,6 @@ _PLAIN: Final = {"PLAIN", "RLE", "BIT_PACKED"}
 def main() -> None:
     """Read the tables, one after the other."""
     data = sys.stdin.buffer.read()
-    import pyarrow.parquet  # noqa: F401  libraries take memory that is not the tables'
-
     _bound()
     found: list[dict[str, Any]] = []
     for asked in json.loads(sys.argv[1]):

@@ -1,6 +1,7 @@
 """Everything in a bundle that follows from the rest of it, computed anew and compared."""
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ from analysis.calibration.campaign_fit import CampaignFit, fit_campaign, options
 from analysis.calibration.drift import DriftCheck
 from analysis.calibration.error_limits import WITHIN
 from analysis.calibration.mass_check import check_known_mass
-from estimators.errors import CampaignError, PayscopeError
+from estimators.errors import CampaignError
 from recordings.evidence.as_found import rms_error_kg
 from recordings.evidence.derived import estimator_of, reference_loads
 from recordings.evidence.document import EvidenceDocument
@@ -24,6 +25,7 @@ from recordings.evidence.report import report_html
 _LAST_BITS: Final = 1e-9
 #: Of a list of differences, so many are named.
 _MOST: Final = 5
+_LONGEST: Final = 200
 
 Findings = Iterator[BundleFinding]
 
@@ -45,26 +47,48 @@ def recompute(
     Returns:
         What differs, and notes for the reader.
     """
-    found = [*_of_files(document), *_of_runs(document, readings)]
     notes: list[str] = []
-    try:
-        found += _of_fit(document, readings, points, notes)
-    except PayscopeError as fault:
-        found.append(_irreproducible("calibration", str(fault)))
-    if report is not None and points is not None:
-        page = report_html(document, readings, points).encode()
-        if page != report:
-            found.append(_other_page(document))
+    found: list[BundleFinding] = []
+    steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
+        (EVIDENCE, lambda: _of_files(document)),
+        (READINGS, lambda: _of_runs(document, readings)),
+        (f"{EVIDENCE}: calibration", lambda: _of_fit(document, readings, points, notes)),
+        (REPORT, lambda: _of_page(document, readings, points, report)),
+    )
+    for item, step in steps:
+        found += _survived(item, step)
     found += _verdicts(document)
     return found, notes
 
 
-def _other_page(document: EvidenceDocument) -> BundleFinding:
+def _survived(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[BundleFinding]:
+    """What a step finds; that it cannot be done with these numbers is a finding as well."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return list(step())
+    except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
+        what = f"cannot be computed anew ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
+        return [BundleFinding(Outcome.IRREPRODUCIBLE, item, what)]
+
+
+def _of_page(
+    document: EvidenceDocument,
+    readings: pl.DataFrame,
+    points: pl.DataFrame | None,
+    report: bytes | None,
+) -> Findings:
+    """The report, which follows from the evidence byte by byte."""
+    if report is None or points is None:
+        return
+    if report_html(document, readings, points).encode() == report:
+        return
     made, mine = document.software.payscope, version("payscope")
     if made != mine:
         what = f"was made with payscope {made}, and that of payscope {mine} is another page"
-        return BundleFinding(Outcome.IRREPRODUCIBLE, REPORT, what)
-    return BundleFinding(Outcome.TAMPERED, REPORT, "is not the page that the evidence gives")
+        yield BundleFinding(Outcome.IRREPRODUCIBLE, REPORT, what)
+    else:
+        yield BundleFinding(Outcome.TAMPERED, REPORT, "is not the page that the evidence gives")
 
 
 def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
