@@ -68,12 +68,8 @@ def fit_calibration(
     low, high = float(points.x_kg.min()), float(points.x_kg.max())
     margin = options.margin_1 * (high - low)
     at = (high + margin, int(np.median(points.readings)))
-    worst = inversion.inverted(
-        np.array([line.level_kg + line.slope_1 * (at[0] - line.centre_kg)]),
-        np.array([float(at[1])]),
-        np.array([np.nan]),
-        options.confidence_1,
-    )
+    u_kg = inversion.u_kg(*at)
+    half_kg = inversion.half_kg(at[0], options.confidence_1, at[1])
     rows = point_rows(campaign, line)
     left_out = [row.error_left_out_kg for row in rows]
     c0 = line.level_kg - line.slope_1 * line.centre_kg
@@ -122,8 +118,8 @@ def fit_calibration(
             inversion, components, options.stated, at, common_kg if day_unknown else None
         ),
         budget_at=at,
-        coverage_k_1=float(worst.factor_1[0]),
-        u_kg=float(worst.u_kg[0]),
+        coverage_k_1=half_kg / u_kg,
+        u_kg=u_kg,
         says=(),
     )
     return replace(calibration, says=sentences(calibration))

@@ -18,7 +18,7 @@ Ints = NDArray[np.int64]
 
 _ROUNDS: Final = 20
 #: A slope that moves by less than this share of its own deviation has settled.
-_SETTLED: Final = 1e-6
+_SETTLED: Final = 1e-4
 #: Variance of rounding, as a share of the largest mass: keeps exact points from having none.
 _ROUNDING: Final = 1e-10
 

@@ -46,6 +46,8 @@ def _about_line(calibration: Calibration) -> list[str]:
             "by little, an error of beta stays whole, and outside the references the line "
             "says nothing"
         )
+    if None in calibration.alpha_interval_1:
+        found.append("the slope cannot be told from 0: no mass has an interval")
     test = calibration.lack_of_fit
     if test.p_1 is not None and test.p_1 < LEVEL:
         found.append(
