@@ -95,6 +95,6 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
 def _inverse(covariance: Floats) -> Floats:
     try:
         np.linalg.cholesky(covariance)
-        return np.linalg.inv(covariance)
+        return np.linalg.inv(covariance).astype(np.float64)
     except np.linalg.LinAlgError as error:
         raise DataError("straight line: a covariance is not positive definite") from error

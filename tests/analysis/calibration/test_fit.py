@@ -127,7 +127,17 @@ def test_days_are_told_from_runs_only_where_they_can_be():
     each_its_own = readings(days=1, runs=2).with_columns(day=pl.col("run_id"))
     found = fitted(each_its_own)
     assert found.day_kg is None
-    assert any("every run has its own day" in said for said in found.says)
+    assert any("run to run has it in it" in said for said in found.says)
+
+
+def test_the_fewest_points_that_show_a_line_are_three():
+    rows = readings(days=1, each=1).filter(pl.col("load_id").is_in(["load 0", "load 2", "load 5"]))
+    found = fitted(rows)
+    assert found.freedom == 1
+    assert found.repeatability_kg is None
+    of_two_days = rows.with_columns(day=pl.Series(["a", "a", "b"]))
+    assert fitted(of_two_days).day_kg is None
+    assert any("run to run has it in it" in said for said in fitted(of_two_days).says)
 
 
 def test_fewer_days_have_wider_intervals():
