@@ -166,25 +166,19 @@ def masses(campaigns: int, seed: int) -> Iterator[list[str]]:
     for (name, references), plan in PLANS.items():
         found = outcomes(replace(plan, references=references), campaigns, seed)
         yield [name, references, *percent(found[:, :4]), f"{np.median(found[:, 4]):.0f}"]
+        print(name, references, percent(found[:, :4]), flush=True)
 
 
 #: Six loads in each; a day of 10 kg beside 20 kg a reading and 8 kg a run, but where said.
 PLANS: Final = {
     ("one day, its deviation known, a run a load", "equal"): Plan(1, day_known=True),
     ("one day, its deviation known, two runs a load", "unequal"): Plan(1, 2, day_known=True),
-    ("one day, its deviation known, two runs a load", "shared"): Plan(1, 2, day_known=True),
     ("5 days", "equal"): Plan(5),
     ("5 days", "unequal"): Plan(5),
     ("5 days", "shared"): Plan(5),
-    ("5 days of 25 kg", "unequal"): Plan(5, day_kg=25.0),
-    ("5 days that do not differ", "equal"): Plan(5, day_kg=0.0),
-    ("8 days", "equal"): Plan(8),
     ("4 days", "unequal"): Plan(4),
     ("3 days", "equal"): Plan(3),
-    ("3 days of 25 kg", "equal"): Plan(3, day_kg=25.0),
-    ("2 days", "equal"): Plan(2),
     ("2 days of 25 kg", "shared"): Plan(2, day_kg=25.0),
-    ("one day, nothing known, mass of that day", "equal"): Plan(1, 2, same_day=True),
     ("one day, nothing known, mass of another day", "equal"): Plan(1, 2),
 }
 

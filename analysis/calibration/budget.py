@@ -13,6 +13,7 @@ from analysis.calibration.variance_components import Floats
 #: What a budget of weighing has to name, stated or not.
 EXPECTED: Final = ("wheel radius", "force share", "local gravity", "tare")
 _UNSTATED: Final = "not stated; a constant of the machine, which the line takes with it"
+_TARE_UNSTATED: Final = "not stated beside what the references have of it"
 _KINDS: Final = {REPEATABILITY: "random", RUN: "random", DAY: "day", LACK_OF_FIT: "line"}
 _MEANINGS: Final = {
     REPEATABILITY: "readings of one run about their mean",
@@ -77,7 +78,11 @@ def budget(
         rows.append(BudgetRow("common error", "stated", common_kg / size, None, known))
     rows += [_stated_row(one, size) for one in stated]
     given = {one.component for one in stated}
-    rows += [BudgetRow(x, "absorbed", None, None, _UNSTATED) for x in EXPECTED if x not in given]
+    for name in EXPECTED:
+        if name == "tare" and name not in given:
+            rows.append(BudgetRow(name, "stated", None, None, _TARE_UNSTATED))
+        elif name not in given:
+            rows.append(BudgetRow(name, "absorbed", None, None, _UNSTATED))
     return tuple(rows)
 
 

@@ -232,8 +232,6 @@ class Calibration:
     def inversion(self) -> Inversion:
         """What turns a later m̂ into its mass."""
         parts = self.components
-        common_kg = self.common_kg if self.common_counts else 0.0
-        anew = (one.u_kg for one in self.stated if not one.absorbed and one.u_kg is not None)
         return Inversion(
             centre_kg=self.centre_kg,
             level_kg=self.level_kg,
@@ -244,7 +242,7 @@ class Calibration:
             scatters=np.array([float(part.scatters) for part in parts]),
             estimated=np.flatnonzero([part.estimated for part in parts]).astype(np.int64),
             covariance=np.array(self.variance_covariance),
-            extra_kg2=common_kg**2 + sum(u_kg**2 for u_kg in anew),
+            extra_kg2=extra_kg2(self.stated, self.common_kg if self.common_counts else 0.0),
             apart={} if self.few_days is None else {DAY: self.few_days},
             most_readings=self.most_readings,
         )
@@ -302,6 +300,12 @@ class Calibration:
             where = ".".join(map(str, first["loc"])) if first else ""
             what = first["msg"] if first else str(error)
             raise DataError(f"calibration: {where}: {what}") from error
+
+
+def extra_kg2(stated: tuple[Stated, ...], common_kg: float) -> float:
+    """Variance of every later m̂ that the points do not show."""
+    anew = (one.u_kg for one in stated if not one.absorbed and one.u_kg is not None)
+    return common_kg**2 + sum(u_kg**2 for u_kg in anew)
 
 
 def _refused(reason: str) -> CalibratedMass:

@@ -5,7 +5,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from estimators.errors import DataError
 
@@ -13,7 +12,7 @@ Floats = NDArray[np.float64]
 
 _ITERATIONS: Final = 100
 #: Steps below this share of the parameters' own deviations change nothing that is printed.
-_SMALL_STEP: Final = 1e-9
+_SMALL_STEP: Final = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +65,13 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
     x, y = x - x0, y - y0
     slope = float(x @ y / (x @ x))
     level = 0.0
+    design = np.ones((x.size, 2))
     for _ in range(_ITERATIONS):
         residual = y - level - slope * x
-        factor = factorised(y_cov + slope**2 * x_cov)
-        adjusted = x + slope * (x_cov @ cho_solve(factor, residual))
-        design = np.column_stack([np.ones_like(x), adjusted])
-        weighted = cho_solve(factor, design)
+        weight = _inverse(y_cov + slope**2 * x_cov)
+        adjusted = x + slope * (x_cov @ (weight @ residual))
+        design[:, 1] = adjusted
+        weighted = weight @ design
         covariance = np.linalg.inv(design.T @ weighted)
         step = covariance @ (weighted.T @ residual)
         level, slope = level + float(step[0]), slope + float(step[1])
@@ -85,20 +85,16 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
         intercept=y0 + level - slope * x0,
         slope=slope,
         covariance=np.asarray(shift @ covariance @ shift.T, np.float64),
-        chi2=float(residual @ cho_solve(factor, residual)),
+        chi2=float(residual @ weight @ residual),
         freedom=x.size - 2,
         x=adjusted + x0,
         residual=residual,
     )
 
 
-def factorised(covariance: Floats) -> tuple[Floats, bool]:
-    """Cholesky factor of a covariance.
-
-    Raises:
-        DataError: it is not positive definite.
-    """
+def _inverse(covariance: Floats) -> Floats:
     try:
-        return cho_factor(covariance, lower=True)
-    except (np.linalg.LinAlgError, ValueError) as error:
+        np.linalg.cholesky(covariance)
+        return np.linalg.inv(covariance).astype(np.float64)
+    except np.linalg.LinAlgError as error:
         raise DataError("straight line: a covariance is not positive definite") from error

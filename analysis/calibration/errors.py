@@ -92,4 +92,5 @@ def stated_ratio(campaign: Campaign) -> float | None:
         chi2=(pl.col("weight") * (pl.col("mass_kg") - mean) ** 2).sum(), freedom=pl.len() - 1
     )
     freedom = int(by_run["freedom"].sum())
-    return float(np.sqrt(float(by_run["chi2"].sum()) / freedom)) if freedom > 0 else None
+    ratio = float(np.sqrt(float(by_run["chi2"].sum()) / freedom)) if freedom > 0 else np.nan
+    return ratio if np.isfinite(ratio) else None

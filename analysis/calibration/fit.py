@@ -13,7 +13,7 @@ from analysis.calibration.calibration import (
     Component,
     LackOfFit,
     Reference,
-    Stated,
+    extra_kg2,
 )
 from analysis.calibration.errors import attenuation, point_rows, rms, stated_ratio
 from analysis.calibration.inversion import Inversion
@@ -62,18 +62,14 @@ def fit_calibration(
     line, test = tested_line(points, options.day_known_kg)
     day_unknown = options.day_known_kg is None and points.days == 1
     common_kg = _common_kg(campaign.readings)
-    extra_kg2 = _extra_kg2(options.stated, common_kg if day_unknown else 0.0)
-    inversion = Inversion.of(line, extra_kg2)
+    counted_kg = common_kg if day_unknown else 0.0
+    inversion = Inversion.of(line, extra_kg2(options.stated, counted_kg))
     components = _components(line, campaign)
     low, high = float(points.x_kg.min()), float(points.x_kg.max())
     margin = options.margin_1 * (high - low)
     at = (high + margin, int(np.median(points.readings)))
-    worst = inversion.inverted(
-        np.array([line.level_kg + line.slope_1 * (at[0] - line.centre_kg)]),
-        np.array([float(at[1])]),
-        np.array([np.nan]),
-        options.confidence_1,
-    )
+    u_kg = inversion.u_kg(*at)
+    half_kg = inversion.half_kg(at[0], options.confidence_1, at[1])
     rows = point_rows(campaign, line)
     left_out = [row.error_left_out_kg for row in rows]
     c0 = line.level_kg - line.slope_1 * line.centre_kg
@@ -122,8 +118,8 @@ def fit_calibration(
             inversion, components, options.stated, at, common_kg if day_unknown else None
         ),
         budget_at=at,
-        coverage_k_1=float(worst.factor_1[0]),
-        u_kg=float(worst.u_kg[0]),
+        coverage_k_1=half_kg / u_kg,
+        u_kg=u_kg,
         says=(),
     )
     return replace(calibration, says=sentences(calibration))
@@ -173,7 +169,7 @@ def _freedom(
     if name == REPEATABILITY:
         return float(campaign.points.within.freedom)
     uncertain = float(line.variances.covariance[place, place])
-    return 2.0 * variance_kg2**2 / uncertain if uncertain > 0.0 else 0.0
+    return 2.0 * variance_kg2**2 / uncertain if min(variance_kg2, uncertain) > 0.0 else 0.0
 
 
 def _three(covariance: Floats) -> tuple[float, float, float]:
@@ -186,12 +182,6 @@ def _common_kg(used: pl.DataFrame) -> float:
         return 0.0
     largest = used["common_u_kg"].cast(pl.Float64).max()
     return float(largest) if isinstance(largest, float) and np.isfinite(largest) else 0.0
-
-
-def _extra_kg2(stated: tuple[Stated, ...], common_kg: float) -> float:
-    """Variance of every later m̂ that the points do not show."""
-    anew = (one.u_kg for one in stated if not one.absorbed and one.u_kg is not None)
-    return common_kg**2 + sum(u_kg**2 for u_kg in anew)
 
 
 def _alpha_interval(inversion: Inversion, confidence_1: float) -> tuple[float | None, float | None]:

@@ -18,7 +18,7 @@ Ints = NDArray[np.int64]
 
 _ROUNDS: Final = 20
 #: A slope that moves by less than this share of its own deviation has settled.
-_SETTLED: Final = 1e-6
+_SETTLED: Final = 1e-4
 #: Variance of rounding, as a share of the largest mass: keeps exact points from having none.
 _ROUNDING: Final = 1e-10
 
@@ -121,16 +121,16 @@ class FittedLine:
 def estimated_effects(points: Points, parameters: int, *, day_known: bool) -> tuple[str, ...]:
     """The effects whose variance the points can tell, with so many parameters fitted to them.
 
-    Days are told apart from runs where there are several, and several runs in one of them.
+    Days are told apart from runs where there are several, several runs in one of them, and
+    points enough for both; else the scatter of runs has that of days in it.
     """
     names: list[str] = []
     count, days = points.y_kg.size, points.days
     if points.within.freedom:
         names.append(REPEATABILITY)
-    several = 1 < days < count and not day_known
-    if count - parameters - (days - 1 if several else 0) > 0:
+    if count > parameters:
         names.append(RUN)
-        if several:
+        if 1 < days < count and not day_known and count - parameters - (days - 1) > 0:
             names.append(DAY)
     return tuple(names)
 
@@ -175,11 +175,11 @@ class Scatter:
     @property
     def by_squares(self) -> Floats:
         """(effects, points, points) covariance for a mean square of 1 of each."""
-        return np.tensordot(self.squares.T, self.each, 1)
+        return np.asarray(np.tensordot(self.squares.T, self.each, 1), np.float64)
 
     def covariance(self, value: Floats) -> Floats:
         """(points, points) covariance for such variances."""
-        return np.tensordot(value, self.each, 1) + self.known
+        return np.asarray(np.tensordot(value, self.each, 1) + self.known, np.float64)
 
     def on_line(
         self, variances: Variances, design: Floats, slope: float, x_cov: Floats

@@ -70,12 +70,13 @@ def next_load(calibration: Calibration, *, same_day: bool = False) -> tuple[Next
             NextLoad(
                 load_id=reference.load_id,
                 reference_kg=reference.reference_kg,
-                determinant_1=_determinant(then) / _determinant(now),
+                # equal ones stay equal: by rounding alone one would be better
+                determinant_1=round(_determinant(then) / _determinant(now), 9),
                 half_width_kg=_widest_kg(calibration, then, ends),
                 half_width_now_kg=now_kg,
             )
         )
-    return tuple(sorted(found, key=lambda one: (round(one.determinant_1, 9), one.load_id)))
+    return tuple(sorted(found, key=lambda one: (one.determinant_1, one.load_id)))
 
 
 def _new_day(used: list[Point]) -> str:

@@ -27,7 +27,7 @@ def _about_days(calibration: Calibration) -> list[str]:
         )
         return [f"day to day: unknown, all runs are of one day{common}"]
     if calibration.day_kg is None:
-        return ["day to day: every run has its own day, so run to run has it in it"]
+        return ["day to day: the runs do not tell it apart, so that run to run has it in it"]
     if calibration.day_freedom is not None and calibration.day_freedom < 4:
         return [
             f"day to day: {days} days tell it with {calibration.day_freedom} degrees of freedom; "
@@ -46,6 +46,8 @@ def _about_line(calibration: Calibration) -> list[str]:
             "by little, an error of beta stays whole, and outside the references the line "
             "says nothing"
         )
+    if None in calibration.alpha_interval_1:
+        found.append("the slope cannot be told from 0: no mass has an interval")
     test = calibration.lack_of_fit
     if test.p_1 is not None and test.p_1 < LEVEL:
         found.append(

@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 
 _ITERATIONS: Final = 60
 #: A change of every variance below this share of their sum ends the iteration.
-_SMALL: Final = 1e-8
+_SMALL: Final = 1e-7
 #: A step leaves at least this share of a variance,
 _SHRINK: Final = 0.1
 #: and none falls below this share of the largest at the start: without any a point has no weight.
@@ -84,7 +84,8 @@ def restricted_likelihood(
         Variance Components, 6.6.
     """
     value = _start(residual, design, effects, within) if start is None else start
-    floor = _FLOOR * float(value.max())
+    floor = _FLOOR * max(float(value.max()), float(known.diagonal().min()))
+    value = np.maximum(value, floor)
     information = np.eye(value.size)
     for _ in range(_ITERATIONS):
         score, information = _score(residual, design, effects, known, within, value)
@@ -157,5 +158,8 @@ def _score(
 
 def _stepped(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
     """A scoring step that takes no variance below a share of itself."""
-    step = np.linalg.lstsq(information, score, rcond=None)[0]
+    try:
+        step = np.linalg.solve(information, score)
+    except np.linalg.LinAlgError:
+        step = np.linalg.lstsq(information, score, rcond=None)[0]
     return np.maximum(np.maximum(value + step, _SHRINK * value), floor)

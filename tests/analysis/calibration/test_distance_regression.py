@@ -56,7 +56,7 @@ Y_COV = np.diag([0.5, 0.5, 0.5, 1.0, 1.0]) ** 2 + 0.3**2
 def test_correlated_references_have_the_uncertainties_of_a_monte_carlo():
     dice = np.random.default_rng(4)
     drawn = []
-    for _ in range(4000):
+    for _ in range(2000):
         x = dice.multivariate_normal(X, X_COV)
         y = dice.multivariate_normal(3.0 + 2.0 * X, Y_COV)
         line = distance_regression(x, y, X_COV, Y_COV)
@@ -64,11 +64,11 @@ def test_correlated_references_have_the_uncertainties_of_a_monte_carlo():
     values = np.array(drawn)
     stated = distance_regression(X, 3.0 + 2.0 * X, X_COV, Y_COV).covariance
     found = np.cov(values[:, :2].T)
-    assert values[:, 0].mean() == pytest.approx(3.0, abs=0.1)
-    assert values[:, 1].mean() == pytest.approx(2.0, abs=0.002)
-    # 4000 draws tell a deviation to 1.1 %
-    assert np.sqrt(np.diag(found)) == pytest.approx(np.sqrt(np.diag(stated)), rel=0.05)
-    assert found[0, 1] == pytest.approx(stated[0, 1], rel=0.1)
+    assert values[:, 0].mean() == pytest.approx(3.0, abs=0.12)
+    assert values[:, 1].mean() == pytest.approx(2.0, abs=0.003)
+    # 2000 draws tell a deviation to 1.6 %
+    assert np.sqrt(np.diag(found)) == pytest.approx(np.sqrt(np.diag(stated)), rel=0.06)
+    assert found[0, 1] == pytest.approx(stated[0, 1], rel=0.12)
     assert values[:, 2].mean() == pytest.approx(3.0, rel=0.05)
     # taken for independent the same errors would be stated too small at the centre
     alone = distance_regression(X, 3.0 + 2.0 * X, np.diag(np.diag(X_COV)), np.diag(np.diag(Y_COV)))
