@@ -30,7 +30,9 @@ valid_days = 365               # after the last run
 [machine]
 file = {machine}
 id = {id}
-# empty_certificate = ""       # of machine.empty_mass_kg in the machine file
+# empty_mass_kg = 3614.0       # weighed without load, where not the machine file's
+# empty_mass_u_kg = 2.0        # standard uncertainty (k = 1) of that
+# empty_certificate = ""
 # empty_expires = 2030-12-31
 
 [machine.parts]                # ids of what the calibration depends on

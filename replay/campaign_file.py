@@ -31,6 +31,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
+    machine = _weighed(campaign, machine)
     try:
         references(campaign, machine.machine)
         rule_of(campaign)
@@ -49,3 +50,12 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
                 "folder"
             )
     return campaign, machine
+
+
+def _weighed(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+    """The machine with the empty mass that the campaign file gives, where it gives any."""
+    about = campaign.machine
+    given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}
+    known = {name: value for name, value in given.items() if value is not None}
+    body = machine.machine.model_copy(update=known)
+    return machine.model_copy(update={"machine": body})

@@ -46,6 +46,12 @@ class CalibratedMachine(BaseModel):
 
     file: Line = Field(min_length=1, description="machine file, from the campaign file's folder")
     id: Id = Field(description="serial number: evidence is chained by it")
+    empty_mass_kg: float | None = Field(
+        None, gt=0, description="its empty mass, where not the machine file's"
+    )
+    empty_mass_u_kg: float | None = Field(
+        None, ge=0, description="standard uncertainty of that, likewise"
+    )
     empty_certificate: Line = Field("", description="certificate of the machine's empty mass")
     empty_expires: dt.date | None = Field(None, description="its last day")
     parts: dict[Line, Line] = Field(

@@ -100,7 +100,8 @@ def _print(screen: "Console", made: "Calibrated") -> None:
         print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
     screen.print()
     for name, value in facts(made.document):
-        print_line(screen, f"{name}: {value}")
+        if name != "made":
+            print_line(screen, f"{name}: {value}")
     screen.print()
     for sentence in in_words(made.document, made.readings, made.points):
         print_line(screen, sentence)

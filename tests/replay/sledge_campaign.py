@@ -57,11 +57,11 @@ def campaign_folder(folder: Path, *, extra: str = "", loads: tuple[int, ...] = L
         if not (folder / log).exists():
             rng = np.random.default_rng(count)
             table = sledge(mass_kg=100.0 + MASS_KG * count)
-            noise = pl.Series(rng.normal(0.0, 15.0, table.height))
+            noise = pl.Series(rng.normal(0.0, 3.0, table.height))
             table.with_columns(force_N=pl.col("force_N") + noise).write_csv(folder / log)
         on_board = [f"block-{k}" for k in range(1, count + 1)]
         text += RUN.format(
-            id=f"run-{count}", log=log, loads=str(on_board).replace("'", '"'), day=1 + number % 2
+            id=f"run-{count}", log=log, loads=str(on_board).replace("'", '"'), day=1 + number
         )
     path = folder / "campaign.toml"
     path.write_text(text + extra)

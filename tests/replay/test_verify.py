@@ -324,7 +324,7 @@ TAMPERINGS: dict[str, tuple[Tamper, Outcome, Outcome | None]] = {
         TAMPERED,
     ),
     "another recording": (
-        of_bytes(RECORDING, lambda data: data[:-1] + b"\0"),
+        of_bytes(RECORDING, lambda data: data + b"\0"),
         TAMPERED,
         None,
     ),
