@@ -371,7 +371,7 @@ def test_there_are_enough_tamperings() -> None:
 
 def test_a_key_in_the_signers_place_is_found_by_the_key_given(made: Made, tmp_path: Path) -> None:
     folder = tampered(made.bundle, tmp_path / "b", sign_with_own_key, signed=True)
-    assert "is not signed by key" in items(made.verify(folder))
+    assert "is not signed by the key" in items(made.verify(folder))
     # without a key there is nothing to compare with, and it says so
     alone = verify(folder)
     assert alone.outcome is None
