@@ -23,7 +23,7 @@ from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.evidence.as_found import as_found
 from recordings.evidence.bundle import tables_of, write_bundle
 from recordings.evidence.canonical import canonical
-from recordings.evidence.checks import Checked, check_bundle
+from recordings.evidence.checks import CheckedBundle, check_bundle
 from recordings.evidence.derived import estimator_of, reference_loads
 from recordings.evidence.document import (
     FORMAT,
@@ -34,7 +34,7 @@ from recordings.evidence.document import (
     Link,
     Signer,
 )
-from recordings.evidence.findings import Outcome
+from recordings.evidence.findings import BundleOutcome
 from recordings.evidence.recording import write_calibration
 from recordings.evidence.signing import SigningKey, signing_key
 from recordings.output import check_folder, staged
@@ -94,7 +94,7 @@ def _drifted(drift: DriftCheck | None) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class EvidenceParts:
     """What evidence is made of, before it is written.
 
     Attributes:
@@ -159,11 +159,11 @@ def calibrate(
         on_log("evidence")
         options = options_of(campaign, stated_scale(campaign, replayed.budgets))
         fitted = fit_campaign(campaign, machine.machine, replayed.readings, options)
-        evidence = Evidence("calibration", campaign, machine, replayed, options, fitted)
+        evidence = EvidenceParts("calibration", campaign, machine, replayed, options, fitted)
         return finish(evidence, made, folder, key, before, previous)
 
 
-def before_of(previous: Path, machine_id: str | None) -> Checked:
+def before_of(previous: Path, machine_id: str | None) -> CheckedBundle:
     """The machine's evidence before this, checked.
 
     Args:
@@ -174,7 +174,7 @@ def before_of(previous: Path, machine_id: str | None) -> Checked:
         EvidenceError: it is of another machine, or something is wrong with it.
     """
     checked = check_bundle(previous)
-    wrong = [each for each in checked.findings if each.outcome is not Outcome.OUTSIDE]
+    wrong = [each for each in checked.findings if each.outcome is not BundleOutcome.OUTSIDE]
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
         raise EvidenceError(f"{previous}: nothing can be chained to it: {first}")
@@ -188,11 +188,11 @@ def before_of(previous: Path, machine_id: str | None) -> Checked:
 
 
 def finish(
-    evidence: Evidence,
+    evidence: EvidenceParts,
     made: Path,
     folder: Path,
     key: SigningKey | None,
-    before: Checked | None,
+    before: CheckedBundle | None,
     previous: Path | None,
 ) -> Calibrated:
     """Write the evidence, and check it as a stranger would before it gets its name.
@@ -220,7 +220,7 @@ def finish(
     write_calibration(made, document, readings, points)
     remarks = write_bundle(made, document, readings, points, tables, key)
     checked = check_bundle(made, None if key is None else key.public, previous)
-    wrong = [str(each) for each in checked.findings if each.outcome is not Outcome.OUTSIDE]
+    wrong = [str(each) for each in checked.findings if each.outcome is not BundleOutcome.OUTSIDE]
     if wrong:
         raise OutputError(
             f"{folder}: what was written does not pass its own check, so nothing was kept: "
@@ -230,7 +230,10 @@ def finish(
 
 
 def _document(
-    evidence: Evidence, digests: EvidenceTables, key: SigningKey | None, before: Checked | None
+    evidence: EvidenceParts,
+    digests: EvidenceTables,
+    key: SigningKey | None,
+    before: CheckedBundle | None,
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads(campaign, machine)
@@ -269,7 +272,7 @@ def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:
     return Signer(name=name, key_id=key.public.key_id, public_key=key.public.text)
 
 
-def _chain(before: Checked | None) -> Chain:
+def _chain(before: CheckedBundle | None) -> Chain:
     if before is None or before.document is None:
         return Chain(counter=1, previous=None)
     last = before.document

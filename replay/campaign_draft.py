@@ -5,6 +5,7 @@ import json
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Final
 
 import polars as pl
 
@@ -65,6 +66,10 @@ estimator = "joint_mass"       # or joint_payload, or a method of the paper such
 """
 
 
+#: Files that are meant to be logs: one that cannot be read is named.
+_SUFFIXES: Final = (".bag", ".mcap", ".db3", ".csv", ".parquet")
+
+
 def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tuple[str, list[str]]:
     """Write a campaign file for the logs of a folder.
 
@@ -92,7 +97,7 @@ def draft_campaign(folder: Path, output: Path, machine_file: Path | None) -> tup
             with open_log(path, time=time_axis(machine) if machine else None) as log:
                 blocks += _runs(log, _from(output.parent, path), machine)
         except PayscopeError as fault:
-            if path.is_dir() or path.suffix in (".bag", ".mcap", ".db3", ".csv", ".parquet"):
+            if (path / "metadata.yaml").exists() or path.suffix in _SUFFIXES:
                 said.append(f"left out: {fault}")
     if not blocks:
         raise CampaignError(f"{folder}: no log that can be read in it")

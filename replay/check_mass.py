@@ -18,7 +18,7 @@ from estimators.errors import CampaignError, EvidenceError
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.signing import signing_key
 from recordings.output import check_folder, staged
-from replay.calibrate import Calibrated, Evidence, before_of, finish
+from replay.calibrate import Calibrated, EvidenceParts, before_of, finish
 from replay.campaign_runs import replay_runs
 from replay.machine_file import time_axis
 from replay.readers import open_log
@@ -84,7 +84,9 @@ def check_mass(
         fitted, drift = check_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration
         )
-        evidence = Evidence("check", campaign, last.machine, replayed, last.options, fitted, drift)
+        evidence = EvidenceParts(
+            "check", campaign, last.machine, replayed, last.options, fitted, drift
+        )
         return finish(evidence, made, folder, key, before, previous)
 
 

@@ -11,9 +11,9 @@ from typing import Any, Final
 import polars as pl
 
 from estimators.errors import EvidenceError, PayscopeError, counted
-from recordings.evidence.checks import Checked, check_bundle
+from recordings.evidence.checks import CheckedBundle, check_bundle
 from recordings.evidence.document import EvidenceDocument, EvidenceLog
-from recordings.evidence.findings import BundleFinding, Outcome, worst
+from recordings.evidence.findings import BundleFinding, BundleOutcome, worst
 from recordings.evidence.folder import EVIDENCE, READINGS
 from recordings.evidence.signing import public_key
 from recordings.evidence.words import unseen
@@ -45,7 +45,7 @@ class Verified:
     unseen: tuple[str, ...]
 
     @property
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> BundleOutcome | None:
         """The exit status; None where nothing is wrong."""
         return worst(list(self.findings))
 
@@ -112,7 +112,7 @@ def verify(
     )
 
 
-def _done(checked: Checked, keyed: bool, chained: bool) -> list[str]:
+def _done(checked: CheckedBundle, keyed: bool, chained: bool) -> list[str]:
     """What a check of the folder itself looked at."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:
@@ -125,7 +125,7 @@ def _done(checked: Checked, keyed: bool, chained: bool) -> list[str]:
 
 
 def _replay(
-    checked: Checked, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
+    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
 ) -> None:
     """Replay every log, and compare reading by reading."""
     paths: dict[str, Path] = {}
@@ -142,15 +142,15 @@ def _replay(
     try:
         replayed = replay_runs(document.campaign, document.machine, lambda log: paths[log])
     except PayscopeError as fault:
-        checked.add(Outcome.IRREPRODUCIBLE, "logs", str(fault))
+        checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
         return
     _compare(checked, document, stored, replayed.readings)
     for kept, anew in zip(document.logs, replayed.logs, strict=True):
         item = f"{EVIDENCE}: logs: {kept.log}"
         if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
-            checked.add(Outcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
+            checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
         if kept.settings_fingerprint != anew.settings_fingerprint:
-            checked.add(Outcome.IRREPRODUCIBLE, item, "was replayed with other settings")
+            checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with other settings")
         elif kept.results_fingerprint != anew.results_fingerprint:
             checked.notes.append(
                 f"{kept.log}: the frames of its replay differ in their last bits, as other "
@@ -159,12 +159,12 @@ def _replay(
 
 
 def _compare(
-    checked: Checked, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
+    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
 ) -> None:
     """Reading by reading, within the declared tolerance."""
     if stored.height != anew.height:
         what = f"has {stored.height} readings, and the replay gives {anew.height}"
-        checked.add(Outcome.IRREPRODUCIBLE, READINGS, what)
+        checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
         return
     tolerance = document.replay_tolerance_kg
     wrong = 0
@@ -176,9 +176,11 @@ def _compare(
             if wrong <= _MOST_NAMED:
                 item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
                 what = f"the replay gives another {', '.join(differing)}"
-                checked.add(Outcome.IRREPRODUCIBLE, item, what)
+                checked.add(BundleOutcome.IRREPRODUCIBLE, item, what)
     if wrong > _MOST_NAMED:
-        checked.add(Outcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} readings more")
+        checked.add(
+            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} readings more"
+        )
 
 
 def _near(kept: float | None, now: float | None, tolerance: float) -> bool:
@@ -187,7 +189,7 @@ def _near(kept: float | None, now: float | None, tolerance: float) -> bool:
     return abs(kept - now) <= tolerance
 
 
-def _path_of(checked: Checked, log: EvidenceLog, found: dict[str, list[Path]]) -> Path | None:
+def _path_of(checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]) -> Path | None:
     """Where a log is: its files, by name and digest, all in one folder."""
     item = f"logs: {log.log}"
     places: list[Path] | None = None
@@ -197,14 +199,14 @@ def _path_of(checked: Checked, log: EvidenceLog, found: dict[str, list[Path]]) -
         if not same:
             if named:
                 what = f"'{file.name}' is not the file of the evidence"
-                checked.add(Outcome.TAMPERED, item, what)
+                checked.add(BundleOutcome.TAMPERED, item, what)
             else:
                 what = f"'{file.name}' is not in the folder of logs"
-                checked.add(Outcome.INCOMPLETE, item, what)
+                checked.add(BundleOutcome.INCOMPLETE, item, what)
             return None
         places = same if places is None else [place for place in places if place in same]
     if not places:
-        checked.add(Outcome.INCOMPLETE, item, "its files are not together in one folder")
+        checked.add(BundleOutcome.INCOMPLETE, item, "its files are not together in one folder")
         return None
     # a rosbag2 directory is opened as a whole; its folder may have another name now
     name = log.files[0].name

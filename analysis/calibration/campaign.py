@@ -32,7 +32,7 @@ class About(BaseModel):
     intended_use: Text = Field(min_length=1, description="what the calibration is for")
     author: Line = Field(min_length=1, description="who made the campaign")
     authoriser: Line = Field("", description="who answers for it, if another")
-    signer: Line = Field("", description="name of whom the signing key belongs to")
+    signer: Line = Field("", description="whose signing key it is, by name")
     valid_days: int = Field(
         365, ge=1, le=3650, description="days after the last run when the evidence expires"
     )

@@ -13,7 +13,7 @@ from analysis.calibration.readings import READINGS as READING_COLUMNS
 from estimators.errors import EvidenceError
 from recordings.evidence.bundle import predicate_of
 from recordings.evidence.document import EvidenceDocument, document_of
-from recordings.evidence.findings import BundleFinding, Outcome
+from recordings.evidence.findings import BundleFinding, BundleOutcome
 from recordings.evidence.folder import (
     EVIDENCE,
     POINTS,
@@ -42,7 +42,7 @@ _UNKNOWN_KEY: Final = (
 
 
 @dataclass(slots=True)
-class Checked:
+class CheckedBundle:
     """What a check found.
 
     Attributes:
@@ -59,14 +59,14 @@ class Checked:
     readings: pl.DataFrame | None = None
     sums: bytes = b""
 
-    def add(self, outcome: Outcome, item: str, what: str) -> None:
+    def add(self, outcome: BundleOutcome, item: str, what: str) -> None:
         """Add a finding."""
         self.findings.append(BundleFinding(outcome, item, what))
 
 
 def check_bundle(
     folder: Path, key: PublicKey | None = None, previous: Path | None = None
-) -> Checked:
+) -> CheckedBundle:
     """Check everything that a bundle says by itself.
 
     Args:
@@ -84,21 +84,21 @@ def check_bundle(
     return checked
 
 
-def _trusted(folder: Path) -> Checked:
+def _trusted(folder: Path) -> CheckedBundle:
     """Evidence that is trusted to be genuine: whether it is whole, and what it is."""
-    checked = Checked()
+    checked = CheckedBundle()
     held = _files(folder, checked)
     if EVIDENCE in held:
         try:
             checked.document = document_of(_data(held, EVIDENCE), EVIDENCE)
         except EvidenceError as fault:
-            checked.add(Outcome.TAMPERED, EVIDENCE, _without(EVIDENCE, fault))
+            checked.add(BundleOutcome.TAMPERED, EVIDENCE, _without(EVIDENCE, fault))
     return checked
 
 
-def _checked(folder: Path, key: PublicKey | None) -> Checked:
+def _checked(folder: Path, key: PublicKey | None) -> CheckedBundle:
     """Check a bundle, without the one before it."""
-    checked = Checked()
+    checked = CheckedBundle()
     held = _files(folder, checked)
     if EVIDENCE not in held:
         return checked
@@ -106,7 +106,7 @@ def _checked(folder: Path, key: PublicKey | None) -> Checked:
     try:
         document = document_of(_data(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
-        checked.add(Outcome.TAMPERED, EVIDENCE, _without(EVIDENCE, fault))
+        checked.add(BundleOutcome.TAMPERED, EVIDENCE, _without(EVIDENCE, fault))
         _check_signature(checked, held, digests, None, key)
         return checked
     checked.document = document
@@ -121,49 +121,49 @@ def _checked(folder: Path, key: PublicKey | None) -> Checked:
     return checked
 
 
-def _files(folder: Path, checked: Checked) -> dict[str, BundleFile]:
+def _files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
     """Every file that a bundle may hold, against SHA256SUMS."""
     names, strange = listing(folder)
     for name, what in strange[:_MOST_NAMED]:
-        checked.add(Outcome.TAMPERED, name, what)
+        checked.add(BundleOutcome.TAMPERED, name, what)
     if len(strange) > _MOST_NAMED:
         more = f"{len(strange) - _MOST_NAMED} entries more"
-        checked.add(Outcome.TAMPERED, more, "are no bundle's")
+        checked.add(BundleOutcome.TAMPERED, more, "are no bundle's")
     held: dict[str, BundleFile] = {}
     for name in names:
         try:
             held[name] = read_file(folder, name)
         except EvidenceError as fault:
-            checked.add(Outcome.TAMPERED, name, _without(name, fault))
+            checked.add(BundleOutcome.TAMPERED, name, _without(name, fault))
     for name in (*REQUIRED, SUMS):
         if name not in names:
-            checked.add(Outcome.INCOMPLETE, name, "is missing")
+            checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
         checked.sums = _data(held, SUMS)
         try:
             _check_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
-            checked.add(Outcome.TAMPERED, SUMS, _without(SUMS, fault))
+            checked.add(BundleOutcome.TAMPERED, SUMS, _without(SUMS, fault))
     return held
 
 
 def _check_sums(
-    checked: Checked,
+    checked: CheckedBundle,
     names: list[str],
     held: Mapping[str, BundleFile],
     listed: Mapping[str, str],
 ) -> None:
     for name, digest in listed.items():
         if name in held and held[name].sha256 != digest:
-            checked.add(Outcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
+            checked.add(BundleOutcome.TAMPERED, name, f"is not the file whose digest {SUMS} has")
         if name not in names and name not in REQUIRED:
-            checked.add(Outcome.INCOMPLETE, name, f"is missing, and {SUMS} lists it")
+            checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, and {SUMS} lists it")
     for name in sorted(set(held) - set(listed) - set(UNLISTED)):
-        checked.add(Outcome.TAMPERED, name, f"is not listed in {SUMS}")
+        checked.add(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
 
 
 def _check_signature(
-    checked: Checked,
+    checked: CheckedBundle,
     held: Mapping[str, BundleFile],
     digests: Mapping[str, str],
     document: EvidenceDocument | None,
@@ -173,9 +173,13 @@ def _check_signature(
     named = document.signer if document is not None else None
     if STATEMENT not in held:
         if named is not None:
-            checked.add(Outcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer")
+            checked.add(
+                BundleOutcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer"
+            )
         elif key is not None:
-            checked.add(Outcome.INCOMPLETE, STATEMENT, "is missing: unsigned, and --key is given")
+            checked.add(
+                BundleOutcome.INCOMPLETE, STATEMENT, "is missing: unsigned, and --key is given"
+            )
         elif document is not None:
             checked.notes.append(
                 "UNSIGNED: nobody vouches for this; whoever held the folder could have changed "
@@ -186,33 +190,39 @@ def _check_signature(
         signed = opened(_data(held, STATEMENT), STATEMENT)
         stated = None if named is None else PublicKey.of_text(named.public_key)
     except EvidenceError as fault:
-        checked.add(Outcome.TAMPERED, STATEMENT, _without(STATEMENT, fault))
+        checked.add(BundleOutcome.TAMPERED, STATEMENT, _without(STATEMENT, fault))
         return
     if document is not None:
         _check_signer(checked, signed, stated, document)
     if key is not None and not signed.by(key):
         checked.add(
-            Outcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
+            BundleOutcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
         )
     if key is None:
         checked.notes.append(_UNKNOWN_KEY)
         if stated is not None and not signed.by(stated):
-            checked.add(Outcome.TAMPERED, STATEMENT, "its signature is not by the key it names")
+            checked.add(
+                BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names"
+            )
     _check_statement(checked, signed, held, digests, document)
 
 
 def _check_signer(
-    checked: Checked, signed: Signed, stated: PublicKey | None, document: EvidenceDocument
+    checked: CheckedBundle, signed: Signed, stated: PublicKey | None, document: EvidenceDocument
 ) -> None:
     """Whether envelope and evidence name one key."""
     if stated is None or document.signer is None:
-        checked.add(Outcome.TAMPERED, EVIDENCE, "signer: names nobody, and there is a signature")
+        checked.add(
+            BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, and there is a signature"
+        )
     elif not stated.key_id == document.signer.key_id == signed.key_id:
-        checked.add(Outcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key")
+        checked.add(
+            BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
+        )
 
 
 def _check_statement(
-    checked: Checked,
+    checked: CheckedBundle,
     signed: Signed,
     held: Mapping[str, BundleFile],
     digests: Mapping[str, str],
@@ -221,7 +231,7 @@ def _check_statement(
     """Whether the statement is about these files."""
     said = signed.statement
     if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
-        checked.add(Outcome.TAMPERED, STATEMENT, "is a statement of another kind")
+        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
     wanted: dict[str, Any] = dict(digests)
     if SUMS in held:
         wanted[SUMS] = held[SUMS].sha256
@@ -232,29 +242,33 @@ def _check_statement(
             found[each["name"]] = each.get("digest")
     for name in sorted(set(found) | set(wanted)):
         if name not in found:
-            checked.add(Outcome.TAMPERED, name, "was not there when the bundle was signed")
+            checked.add(BundleOutcome.TAMPERED, name, "was not there when the bundle was signed")
         elif name not in wanted:
-            checked.add(Outcome.INCOMPLETE, name, "is missing, and was there when it was signed")
+            checked.add(
+                BundleOutcome.INCOMPLETE, name, "is missing, and was there when it was signed"
+            )
         elif found[name] != {"sha256": wanted[name]}:
-            checked.add(Outcome.TAMPERED, name, "is not the file that was signed")
+            checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")
     if document is not None and said.get("predicate") != predicate_of(document):
-        checked.add(Outcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json")
+        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json")
 
 
 def _check_recordings(
-    checked: Checked, document: EvidenceDocument, digests: Mapping[str, str]
+    checked: CheckedBundle, document: EvidenceDocument, digests: Mapping[str, str]
 ) -> None:
     """Whether the recordings of runs are those that the evidence names."""
     named = {log.recording for log in document.logs if log.recording}
     for name in sorted(named - set(digests)):
-        checked.add(Outcome.INCOMPLETE, name, "is missing, and the evidence names it")
+        checked.add(BundleOutcome.INCOMPLETE, name, "is missing, and the evidence names it")
     for name in sorted(digests):
         if name.startswith(f"{RUNS}/") and name not in named:
-            checked.add(Outcome.TAMPERED, name, "is a recording that the evidence does not name")
+            checked.add(
+                BundleOutcome.TAMPERED, name, "is a recording that the evidence does not name"
+            )
 
 
 def _tables(
-    checked: Checked, held: Mapping[str, BundleFile], document: EvidenceDocument
+    checked: CheckedBundle, held: Mapping[str, BundleFile], document: EvidenceDocument
 ) -> tuple[pl.DataFrame | None, pl.DataFrame | None]:
     """Readings and points; None of what cannot be read."""
     digests = {
@@ -265,23 +279,29 @@ def _tables(
     there = [name for name in (READINGS, POINTS) if name in held]
     for name in there:
         if held[name].sha256 != digests[name]:
-            checked.add(Outcome.TAMPERED, name, "is not the table whose digest evidence.json has")
+            checked.add(
+                BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
+            )
     asked = [StrangeTable(_data(held, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_tables(asked), strict=True):
         if isinstance(table, str):
-            checked.add(Outcome.TAMPERED, name, table)
+            checked.add(BundleOutcome.TAMPERED, name, table)
         else:
             found[name] = table
     return found.get(READINGS), found.get(POINTS)
 
 
-def _check_chain(checked: Checked, document: EvidenceDocument, before: Checked | None) -> None:
+def _check_chain(
+    checked: CheckedBundle, document: EvidenceDocument, before: CheckedBundle | None
+) -> None:
     """Whether this evidence follows that before it."""
     chain, item = document.chain, f"{EVIDENCE}: chain"
     link = chain.previous
     if chain.counter != (1 if link is None else link.counter + 1):
-        checked.add(Outcome.TAMPERED, f"{item}.counter", "does not follow that of the link before")
+        checked.add(
+            BundleOutcome.TAMPERED, f"{item}.counter", "does not follow that of the link before"
+        )
     if before is None:
         if link is not None:
             checked.notes.append(
@@ -291,38 +311,40 @@ def _check_chain(checked: Checked, document: EvidenceDocument, before: Checked |
         return
     last = before.document
     for each in before.findings:
-        if each.outcome is not Outcome.OUTSIDE:
+        if each.outcome is not BundleOutcome.OUTSIDE:
             checked.add(each.outcome, f"the evidence before: {each.item}", each.what)
     if last is None:
-        checked.add(Outcome.INCOMPLETE, "the evidence before", "cannot be read")
+        checked.add(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
         return
     if last.campaign.machine.id != document.campaign.machine.id:
-        checked.add(Outcome.TAMPERED, item, "the evidence before is of another machine")
+        checked.add(BundleOutcome.TAMPERED, item, "the evidence before is of another machine")
     if chain.counter <= last.chain.counter:
         checked.add(
-            Outcome.TAMPERED,
+            BundleOutcome.TAMPERED,
             f"{item}.counter",
             f"is {chain.counter}, and that before it {last.chain.counter}: the counter only "
             "grows, so this is older",
         )
     elif link is None:
-        checked.add(Outcome.TAMPERED, item, "names no evidence before it, and there is some")
+        checked.add(BundleOutcome.TAMPERED, item, "names no evidence before it, and there is some")
     elif link.id != last.id or link.sums_sha256 != hashlib.sha256(before.sums).hexdigest():
-        checked.add(Outcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
+        checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
     else:
         _check_as_found(checked, document, last)
         kept = (document.calibration, document.expires)
         if document.kind == "check" and kept != (last.calibration, last.expires):
             what = "line and last day are not those of the evidence before, which it is a check of"
-            checked.add(Outcome.TAMPERED, f"{EVIDENCE}: calibration", what)
+            checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: calibration", what)
 
 
-def _check_as_found(checked: Checked, document: EvidenceDocument, last: EvidenceDocument) -> None:
+def _check_as_found(
+    checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
+) -> None:
     found, line = document.as_found, last.calibration
     wanted = None if line is None else (last.id, line.alpha_1, line.beta_kg)
     if (None if found is None else (found.evidence_id, found.alpha_1, found.beta_kg)) != wanted:
         checked.add(
-            Outcome.IRREPRODUCIBLE,
+            BundleOutcome.IRREPRODUCIBLE,
             f"{EVIDENCE}: as_found",
             "is not the line before it",
         )

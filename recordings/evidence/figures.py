@@ -23,7 +23,7 @@ class Shape:
 
 
 @dataclass(slots=True)
-class Picture:
+class Drawing:
     """A figure.
 
     Attributes:
@@ -106,7 +106,7 @@ class Axes:
         up = (y - self.y[0]) / (self.y[1] - self.y[0])
         return left + across * (right - left), bottom - up * (bottom - top)
 
-    def draw(self, picture: Picture, x_label: str, y_label: str) -> None:
+    def draw(self, picture: Drawing, x_label: str, y_label: str) -> None:
         """Draw grid, numbers and labels."""
         left, top, right, bottom = self.box
         for value, text in ticks(*self.x):

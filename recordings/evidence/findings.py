@@ -5,7 +5,7 @@ from enum import IntEnum
 from typing import Final
 
 
-class Outcome(IntEnum):
+class BundleOutcome(IntEnum):
     """What is wrong; the value is the exit status of `payscope verify`."""
 
     TAMPERED = 3
@@ -15,12 +15,17 @@ class Outcome(IntEnum):
 
 
 #: Which of several outcomes is the exit status: the first that was found.
-ORDER: Final = (Outcome.TAMPERED, Outcome.INCOMPLETE, Outcome.IRREPRODUCIBLE, Outcome.OUTSIDE)
+ORDER: Final = (
+    BundleOutcome.TAMPERED,
+    BundleOutcome.INCOMPLETE,
+    BundleOutcome.IRREPRODUCIBLE,
+    BundleOutcome.OUTSIDE,
+)
 _NAMES: Final = {
-    Outcome.TAMPERED: "tampered",
-    Outcome.IRREPRODUCIBLE: "irreproducible",
-    Outcome.INCOMPLETE: "incomplete",
-    Outcome.OUTSIDE: "not within limits",
+    BundleOutcome.TAMPERED: "tampered",
+    BundleOutcome.IRREPRODUCIBLE: "irreproducible",
+    BundleOutcome.INCOMPLETE: "incomplete",
+    BundleOutcome.OUTSIDE: "not within limits",
 }
 
 
@@ -34,7 +39,7 @@ class BundleFinding:
         what: in a few words.
     """
 
-    outcome: Outcome
+    outcome: BundleOutcome
     item: str
     what: str
 
@@ -47,7 +52,7 @@ class BundleFinding:
         return f"{self.kind}: {self.item}: {self.what}"
 
 
-def worst(findings: list[BundleFinding]) -> Outcome | None:
+def worst(findings: list[BundleFinding]) -> BundleOutcome | None:
     """The outcome that is the exit status; None where nothing was found."""
     found = {each.outcome for each in findings}
     return next((outcome for outcome in ORDER if outcome in found), None)

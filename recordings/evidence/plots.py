@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.calibration.calibration import Calibration
 from recordings.evidence.document import EvidenceDocument
-from recordings.evidence.figures import WIDTH, Axes, Picture, shortened
+from recordings.evidence.figures import WIDTH, Axes, Drawing, shortened
 
 _BOX: Final = (52.0, 22.0, WIDTH - 10.0, 196.0)
 _HEIGHT: Final = 232
@@ -15,10 +15,10 @@ _GRID: Final = 41
 _ROW: Final = 18.0
 
 
-def pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Picture]:
+def pictures(document: EvidenceDocument, readings: pl.DataFrame) -> list[Drawing]:
     """The figures that this evidence has something to show in."""
     fitted, points = document.calibration, _points(document, readings)
-    found: list[Picture] = []
+    found: list[Drawing] = []
     if fitted is not None and document.kind == "calibration":
         found += [_line(fitted), _residuals(fitted), _bars(fitted)]
     if points.height:
@@ -38,12 +38,12 @@ def band(fitted: Calibration) -> list[tuple[float, float, float]]:
     return found
 
 
-def _line(fitted: Calibration) -> Picture:
+def _line(fitted: Calibration) -> Drawing:
     known = [point for point in fitted.points if point.calibrated_kg is not None]
     edges = band(fitted)
     low, high = fitted.range_kg
     percent = f"{fitted.confidence_1:.0%}".replace("%", " %")
-    picture = Picture(
+    picture = Drawing(
         "line",
         "Calibrated against reference mass",
         f"A point a run, {len(known)} in all, on the line of equal masses from {low:,.0f} to "
@@ -61,14 +61,14 @@ def _line(fitted: Calibration) -> Picture:
     return picture
 
 
-def _residuals(fitted: Calibration) -> Picture:
+def _residuals(fitted: Calibration) -> Drawing:
     edges = [(mass, low - mass, high - mass) for mass, low, high in band(fitted)]
     errors = [(p, p.error_kg, "point") for p in fitted.points if p.error_kg is not None]
     left = [
         (p, p.error_left_out_kg, "left") for p in fitted.points if p.error_left_out_kg is not None
     ]
     worst = max((abs(error) for _, error, _ in [*errors, *left]), default=0.0)
-    picture = Picture(
+    picture = Drawing(
         "residuals",
         "Errors by load: filled in the fit, open with the load left out",
         f"Calibrated less reference mass of every run; the largest is {worst:,.1f} kg. Open "
@@ -87,12 +87,12 @@ def _residuals(fitted: Calibration) -> Picture:
     return picture
 
 
-def _bars(fitted: Calibration) -> Picture:
+def _bars(fitted: Calibration) -> Drawing:
     rows = sorted(fitted.budget, key=lambda row: -(row.u_kg or 0.0))
     known = [row for row in rows if row.u_kg]
     largest = max((row.u_kg or 0.0 for row in known), default=1.0)
     at_kg, readings = fitted.budget_at
-    picture = Picture(
+    picture = Drawing(
         "budget",
         "Where the uncertainty comes from",
         f"Standard uncertainties in kg of the calibrated mass of one run of {readings} readings "
@@ -114,10 +114,10 @@ def _bars(fitted: Calibration) -> Picture:
     return picture
 
 
-def _scatter(points: pl.DataFrame) -> Picture:
+def _scatter(points: pl.DataFrame) -> Drawing:
     runs = points["run_id"].unique(maintain_order=True).to_list()
     used = points.filter("used")["off_kg"].to_list()
-    picture = Picture(
+    picture = Drawing(
         "repeatability",
         "Readings about the mean of their run",
         f"{len(used)} readings of {len(runs)} runs; dashed circles were rejected and count for "
@@ -136,7 +136,7 @@ def _scatter(points: pl.DataFrame) -> Picture:
     return picture
 
 
-def _draw_band(picture: Picture, axes: Axes, edges: list[tuple[float, float, float]]) -> None:
+def _draw_band(picture: Drawing, axes: Axes, edges: list[tuple[float, float, float]]) -> None:
     if edges:
         lower = [axes.place(mass, low) for mass, low, _ in edges]
         upper = [axes.place(mass, high) for mass, _, high in edges]

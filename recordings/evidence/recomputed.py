@@ -17,7 +17,7 @@ from estimators.errors import CampaignError
 from recordings.evidence.as_found import rms_error_kg
 from recordings.evidence.derived import estimator_of, reference_loads
 from recordings.evidence.document import EvidenceDocument
-from recordings.evidence.findings import BundleFinding, Outcome
+from recordings.evidence.findings import BundleFinding, BundleOutcome
 from recordings.evidence.folder import EVIDENCE, POINTS, READINGS, REPORT
 from recordings.evidence.report import report_html
 
@@ -69,7 +69,7 @@ def _survived(item: str, step: Callable[[], Iterable[BundleFinding]]) -> list[Bu
             return list(step())
     except Exception as fault:  # noqa: BLE001  a stranger chose the numbers
         what = f"cannot be computed anew ({type(fault).__name__}: {str(fault)[:_LONGEST]})"
-        return [BundleFinding(Outcome.IRREPRODUCIBLE, item, what)]
+        return [BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)]
 
 
 def _of_page(
@@ -86,9 +86,11 @@ def _of_page(
     made, mine = document.software.payscope, version("payscope")
     if made != mine:
         what = f"was made with payscope {made}, and that of payscope {mine} is another page"
-        yield BundleFinding(Outcome.IRREPRODUCIBLE, REPORT, what)
+        yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, REPORT, what)
     else:
-        yield BundleFinding(Outcome.TAMPERED, REPORT, "is not the page that the evidence gives")
+        yield BundleFinding(
+            BundleOutcome.TAMPERED, REPORT, "is not the page that the evidence gives"
+        )
 
 
 def differences(stored: Any, computed: Any, place: str = "") -> list[tuple[str, bool]]:
@@ -120,7 +122,7 @@ def _near(stored: Any, computed: Any) -> bool:
 
 
 def _irreproducible(place: str, what: str) -> BundleFinding:
-    return BundleFinding(Outcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
+    return BundleFinding(BundleOutcome.IRREPRODUCIBLE, f"{EVIDENCE}: {place}", what)
 
 
 def _of_files(document: EvidenceDocument) -> Findings:
@@ -144,10 +146,10 @@ def _of_files(document: EvidenceDocument) -> Findings:
     if document.options != options_of(campaign, others):
         yield _irreproducible("options", "are not those of the campaign's method")
     for overdue in campaign.overdue():
-        yield BundleFinding(Outcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
+        yield BundleFinding(BundleOutcome.INCOMPLETE, f"{EVIDENCE}: campaign.masses", overdue)
     if tuple(log.log for log in document.logs) != campaign.logs:
         yield BundleFinding(
-            Outcome.INCOMPLETE, f"{EVIDENCE}: logs", "are not the logs of the campaign's runs"
+            BundleOutcome.INCOMPLETE, f"{EVIDENCE}: logs", "are not the logs of the campaign's runs"
         )
 
 
@@ -162,15 +164,15 @@ def _of_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:
         item = f"{READINGS}: run '{name}', reading {row['reading']}"
         run = runs.get(name)
         if run is None:
-            yield BundleFinding(Outcome.TAMPERED, item, "is of no run of the campaign")
+            yield BundleFinding(BundleOutcome.TAMPERED, item, "is of no run of the campaign")
             continue
         for what in _faults(row, run, seen[name], weighs.get(run.log, False)):
-            yield BundleFinding(Outcome.IRREPRODUCIBLE, item, what)
+            yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, item, what)
         if not row["used"] and not row["reason"]:
-            yield BundleFinding(Outcome.INCOMPLETE, item, "is left out without a reason")
+            yield BundleFinding(BundleOutcome.INCOMPLETE, item, "is left out without a reason")
     for name in runs:
         if name not in seen:
-            yield BundleFinding(Outcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
+            yield BundleFinding(BundleOutcome.INCOMPLETE, f"{READINGS}: run '{name}'", "is missing")
 
 
 def _faults(row: dict[str, Any], run: CampaignRun, number: int, weighs: bool) -> Iterator[str]:
@@ -225,7 +227,9 @@ def _of_fit(
             f"{document.software.platform})"
         )
     if points is not None and (wrong or not places) and not points.equals(fitted.frame):
-        yield BundleFinding(Outcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings")
+        yield BundleFinding(
+            BundleOutcome.IRREPRODUCIBLE, POINTS, "does not follow from the readings"
+        )
     yield from _of_as_found(document, fitted.frame)
 
 
@@ -248,14 +252,14 @@ def _verdicts(document: EvidenceDocument) -> Findings:
     """What the evidence itself says is not within limits."""
     limits, drift = document.limits, document.drift
     if limits is not None and limits.verdict != WITHIN:
-        yield BundleFinding(Outcome.OUTSIDE, f"{EVIDENCE}: limits", limits.statement)
+        yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: limits", limits.statement)
     if drift is not None and drift.drifted is not False:
         what = (
             f"cannot be told: {drift.reason}"
             if drift.drifted is None
             else f"the machine has drifted, by {drift.difference_kg:+.4g} kg"
         )
-        yield BundleFinding(Outcome.OUTSIDE, f"{EVIDENCE}: drift", what)
+        yield BundleFinding(BundleOutcome.OUTSIDE, f"{EVIDENCE}: drift", what)
 
 
 def _of_as_found(document: EvidenceDocument, points: pl.DataFrame) -> Findings:

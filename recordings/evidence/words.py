@@ -49,18 +49,8 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
             *(f"{_capital(said)}." for said in fitted.says),
             *(_advice(fitted) if document.kind == "calibration" else ()),
         ]
-    found_as = document.as_found
-    if found_as is not None:
-        error = (
-            ""
-            if found_as.rms_error_kg is None
-            else f", and was off by {found_as.rms_error_kg:,.1f} kg r.m.s. on these runs"
-        )
-        now = "" if fitted is None else _as_left(fitted)
-        found.append(
-            f"As found, evidence {found_as.evidence_id} held: α {found_as.alpha_1:.4f}, β "
-            f"{found_as.beta_kg:,.1f} kg{error}.{now}"
-        )
+    if document.kind == "calibration":
+        found += _as_found(document)
     return found
 
 
@@ -170,6 +160,22 @@ def _off(
             f"standard uncertainty of {u_kg:,.2f} kg by scatter, priors and reference"
         )
     return f"{text}."
+
+
+def _as_found(document: EvidenceDocument) -> list[str]:
+    """The line before this one, and what it made of these runs."""
+    found, link, fitted = document.as_found, document.chain.previous, document.calibration
+    if found is None or link is None:
+        return []
+    error = (
+        ""
+        if found.rms_error_kg is None
+        else f", and was off by {found.rms_error_kg:,.1f} kg r.m.s. on these runs"
+    )
+    return [
+        f"As found, the line of evidence number {link.counter} held: α {found.alpha_1:.4f}, β "
+        f"{found.beta_kg:,.1f} kg{error}.{'' if fitted is None else _as_left(fitted)}"
+    ]
 
 
 def _as_left(fitted: Calibration) -> str:

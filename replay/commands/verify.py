@@ -15,7 +15,7 @@ def command(
         Path | None, typer.Option(help="Folder with the logs: replay them all and compare.")
     ] = None,
     key: Annotated[
-        Path | None, typer.Option(help="Public Ed25519 key (PEM) of whom you trust to sign.")
+        Path | None, typer.Option(help="Public Ed25519 key (PEM) of the signer that you trust.")
     ] = None,
     previous: Annotated[
         Path | None, typer.Option(help="Evidence before it, which you know to be genuine.")

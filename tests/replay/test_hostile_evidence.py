@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from estimators.errors import EvidenceError
-from recordings.evidence.findings import Outcome
+from recordings.evidence.findings import BundleOutcome
 from recordings.evidence.folder import EVIDENCE, READINGS, REPORT, STATEMENT, SUMS, sums_text
 from recordings.evidence.tables import StrangeTable, read_tables
 from replay.calibrate import calibrate
@@ -61,7 +61,7 @@ def test_json_beyond_its_bounds_is_refused(
     genuine: Path, tmp_path: Path, data: bytes, what: str
 ) -> None:
     found = changed(genuine, tmp_path, EVIDENCE, data)
-    assert found.outcome is Outcome.TAMPERED
+    assert found.outcome is BundleOutcome.TAMPERED
     assert what in said(found)
 
 
@@ -102,7 +102,7 @@ def test_no_link_is_followed(genuine: Path, tmp_path: Path) -> None:
         (folder / name).unlink()
         (folder / name).symlink_to(genuine / name)
         found = verify(folder)
-        assert found.outcome is Outcome.TAMPERED
+        assert found.outcome is BundleOutcome.TAMPERED
         assert f"{name}: is a link" in said(found)
     folder = Path(shutil.copytree(genuine, tmp_path / "runs-link"))
     (folder / "runs").symlink_to("/etc")
@@ -217,7 +217,7 @@ def test_numbers_that_break_a_step_are_findings_and_no_traceback(
 
     (folder / EVIDENCE).write_bytes(canonical(evidence))
     found = verify(folder)
-    assert found.outcome is Outcome.TAMPERED
+    assert found.outcome is BundleOutcome.TAMPERED
     assert all(finding.item for finding in found.findings)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import polars as pl
 import pytest
 
-from recordings.evidence.findings import Outcome
+from recordings.evidence.findings import BundleOutcome
 from recordings.evidence.folder import (
     EVIDENCE,
     PDF,
@@ -28,8 +28,8 @@ from replay.verify import Verified, verify
 from tests.replay.attacker import Bundle, Tamper, key_files, sign_with_own_key, tampered
 from tests.replay.sledge_campaign import campaign_folder
 
-TAMPERED, IRREPRODUCIBLE = Outcome.TAMPERED, Outcome.IRREPRODUCIBLE
-INCOMPLETE, OUTSIDE = Outcome.INCOMPLETE, Outcome.OUTSIDE
+TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
+INCOMPLETE, OUTSIDE = BundleOutcome.INCOMPLETE, BundleOutcome.OUTSIDE
 LIMITS = '\n[decision]\naccuracy_class = "OIML R 134 10"\n'
 
 
@@ -139,7 +139,7 @@ def dropped_sum(folder: Path) -> None:
 
 #: name: the change; what is found where key and earlier evidence are given; what is found with
 #: neither, once the attacker has taken the signature off (None: nothing can be).
-TAMPERINGS: dict[str, tuple[Tamper, Outcome, Outcome | None]] = {
+TAMPERINGS: dict[str, tuple[Tamper, BundleOutcome, BundleOutcome | None]] = {
     "alpha": (fit("alpha_1"), TAMPERED, IRREPRODUCIBLE),
     "beta": (fit("beta_kg"), TAMPERED, IRREPRODUCIBLE),
     "slope": (fit("c1_1"), TAMPERED, IRREPRODUCIBLE),
@@ -429,7 +429,7 @@ def test_each_flipped_byte_of_the_small_files_is_found(made: Made, tmp_path: Pat
             data = bytearray(whole)
             data[place] ^= 1 << place % 8
             (folder / name).write_bytes(data)
-            found = checks.Checked()
+            found = checks.CheckedBundle()
             checks._files(folder, found)
             assert found.findings, (name, place)
         (folder / name).write_bytes(whole)
