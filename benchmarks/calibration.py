@@ -165,8 +165,9 @@ def masses(campaigns: int, seed: int) -> Iterator[list[str]]:
     """A row a plan."""
     for (name, references), plan in PLANS.items():
         found = outcomes(replace(plan, references=references), campaigns, seed)
-        yield [name, references, *percent(found[:, :4]), f"{np.median(found[:, 4]):.0f}"]
-        print(name, references, percent(found[:, :4]), flush=True)
+        row = [name, references, *percent(found[:, :4]), f"{np.median(found[:, 4]):.0f}"]
+        print(", ".join(row), flush=True)
+        yield row
 
 
 #: Six loads in each; a day of 10 kg beside 20 kg a reading and 8 kg a run, but where said.
