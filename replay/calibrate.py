@@ -23,7 +23,8 @@ from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.evidence.as_found import as_found
 from recordings.evidence.bundle import tables_of, write_bundle
 from recordings.evidence.canonical import canonical
-from recordings.evidence.checks import CheckedBundle, check_bundle
+from recordings.evidence.checked import CheckedBundle
+from recordings.evidence.checks import check_bundle
 from recordings.evidence.derived import estimator_of, reference_loads
 from recordings.evidence.document import (
     FORMAT,

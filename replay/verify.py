@@ -11,7 +11,8 @@ from typing import Any, Final
 import polars as pl
 
 from estimators.errors import EvidenceError, PayscopeError, counted
-from recordings.evidence.checks import CheckedBundle, check_bundle
+from recordings.evidence.checked import CheckedBundle
+from recordings.evidence.checks import check_bundle
 from recordings.evidence.document import EvidenceDocument, EvidenceLog
 from recordings.evidence.findings import BundleFinding, BundleOutcome, worst
 from recordings.evidence.folder import EVIDENCE, READINGS

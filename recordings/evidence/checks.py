@@ -1,19 +1,18 @@
 """Check the folder of a bundle, as whoever trusts neither its maker nor us would."""
 
-import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import polars as pl
 
 from analysis.calibration.campaign_fit import POINTS as POINT_COLUMNS
 from analysis.calibration.readings import READINGS as READING_COLUMNS
 from estimators.errors import EvidenceError
-from recordings.evidence.bundle import predicate_of
+from recordings.evidence.chain_check import check_chain
+from recordings.evidence.checked import CheckedBundle, bytes_of, without
 from recordings.evidence.document import EvidenceDocument, document_of
-from recordings.evidence.findings import BundleFinding, BundleOutcome
+from recordings.evidence.findings import BundleOutcome
 from recordings.evidence.folder import (
     EVIDENCE,
     POINTS,
@@ -21,7 +20,6 @@ from recordings.evidence.folder import (
     REPORT,
     REQUIRED,
     RUNS,
-    STATEMENT,
     SUMS,
     UNLISTED,
     BundleFile,
@@ -30,38 +28,12 @@ from recordings.evidence.folder import (
     read_file,
 )
 from recordings.evidence.recomputed import recompute
-from recordings.evidence.signing import PREDICATE_TYPE, STATEMENT_TYPE, PublicKey, Signed, opened
+from recordings.evidence.signature_check import check_signature
+from recordings.evidence.signing import PublicKey
 from recordings.evidence.tables import StrangeTable, read_tables
 
 #: Of entries that are no bundle's.
 _MOST_NAMED: Final = 20
-_UNKNOWN_KEY: Final = (
-    "no key was given: the signature only shows that whoever holds the key named in the bundle "
-    "signed it; give the signer's public key with --key"
-)
-
-
-@dataclass(slots=True)
-class CheckedBundle:
-    """What a check found.
-
-    Attributes:
-        findings: what is wrong.
-        notes: what a reader should know besides.
-        document: the evidence; None where it cannot be read.
-        readings: frame `readings`, likewise.
-        sums: the bytes of SHA256SUMS.
-    """
-
-    findings: list[BundleFinding] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    document: EvidenceDocument | None = None
-    readings: pl.DataFrame | None = None
-    sums: bytes = b""
-
-    def add(self, outcome: BundleOutcome, item: str, what: str) -> None:
-        """Add a finding."""
-        self.findings.append(BundleFinding(outcome, item, what))
 
 
 def check_bundle(
@@ -80,7 +52,7 @@ def check_bundle(
     checked = _checked(folder, key)
     document = checked.document
     if document is not None:
-        _check_chain(checked, document, None if previous is None else _trusted(previous))
+        check_chain(checked, document, None if previous is None else _trusted(previous))
     return checked
 
 
@@ -90,9 +62,9 @@ def _trusted(folder: Path) -> CheckedBundle:
     held = _files(folder, checked)
     if EVIDENCE in held:
         try:
-            checked.document = document_of(_data(held, EVIDENCE), EVIDENCE)
+            checked.document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, EVIDENCE, _without(EVIDENCE, fault))
+            checked.add(BundleOutcome.TAMPERED, EVIDENCE, without(EVIDENCE, fault))
     return checked
 
 
@@ -104,13 +76,13 @@ def _checked(folder: Path, key: PublicKey | None) -> CheckedBundle:
         return checked
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
     try:
-        document = document_of(_data(held, EVIDENCE), EVIDENCE)
+        document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
-        checked.add(BundleOutcome.TAMPERED, EVIDENCE, _without(EVIDENCE, fault))
-        _check_signature(checked, held, digests, None, key)
+        checked.add(BundleOutcome.TAMPERED, EVIDENCE, without(EVIDENCE, fault))
+        check_signature(checked, held, digests, None, key)
         return checked
     checked.document = document
-    _check_signature(checked, held, digests, document, key)
+    check_signature(checked, held, digests, document, key)
     _check_recordings(checked, document, digests)
     readings, points = _tables(checked, held, document)
     checked.readings = readings
@@ -134,16 +106,16 @@ def _files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
         try:
             held[name] = read_file(folder, name)
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, name, _without(name, fault))
+            checked.add(BundleOutcome.TAMPERED, name, without(name, fault))
     for name in (*REQUIRED, SUMS):
         if name not in names:
             checked.add(BundleOutcome.INCOMPLETE, name, "is missing")
     if SUMS in held:
-        checked.sums = _data(held, SUMS)
+        checked.sums = bytes_of(held, SUMS)
         try:
             _check_sums(checked, names, held, parse_sums(checked.sums))
         except EvidenceError as fault:
-            checked.add(BundleOutcome.TAMPERED, SUMS, _without(SUMS, fault))
+            checked.add(BundleOutcome.TAMPERED, SUMS, without(SUMS, fault))
     return held
 
 
@@ -160,97 +132,6 @@ def _check_sums(
             checked.add(BundleOutcome.INCOMPLETE, name, f"is missing, and {SUMS} lists it")
     for name in sorted(set(held) - set(listed) - set(UNLISTED)):
         checked.add(BundleOutcome.TAMPERED, name, f"is not listed in {SUMS}")
-
-
-def _check_signature(
-    checked: CheckedBundle,
-    held: Mapping[str, BundleFile],
-    digests: Mapping[str, str],
-    document: EvidenceDocument | None,
-    key: PublicKey | None,
-) -> None:
-    """Who signed, and whether it is these files."""
-    named = document.signer if document is not None else None
-    if STATEMENT not in held:
-        if named is not None:
-            checked.add(
-                BundleOutcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer"
-            )
-        elif key is not None:
-            checked.add(
-                BundleOutcome.INCOMPLETE, STATEMENT, "is missing: unsigned, and --key is given"
-            )
-        elif document is not None:
-            checked.notes.append(
-                "UNSIGNED: nobody vouches for this; whoever held the folder could have changed "
-                "every number and every digest in it"
-            )
-        return
-    try:
-        signed = opened(_data(held, STATEMENT), STATEMENT)
-        stated = None if named is None else PublicKey.of_text(named.public_key)
-    except EvidenceError as fault:
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, _without(STATEMENT, fault))
-        return
-    if document is not None:
-        _check_signer(checked, signed, stated, document)
-    if key is not None and not signed.by(key):
-        checked.add(
-            BundleOutcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
-        )
-    if key is None:
-        checked.notes.append(_UNKNOWN_KEY)
-        if stated is not None and not signed.by(stated):
-            checked.add(
-                BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names"
-            )
-    _check_statement(checked, signed, held, digests, document)
-
-
-def _check_signer(
-    checked: CheckedBundle, signed: Signed, stated: PublicKey | None, document: EvidenceDocument
-) -> None:
-    """Whether envelope and evidence name one key."""
-    if stated is None or document.signer is None:
-        checked.add(
-            BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, and there is a signature"
-        )
-    elif not stated.key_id == document.signer.key_id == signed.key_id:
-        checked.add(
-            BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
-        )
-
-
-def _check_statement(
-    checked: CheckedBundle,
-    signed: Signed,
-    held: Mapping[str, BundleFile],
-    digests: Mapping[str, str],
-    document: EvidenceDocument | None,
-) -> None:
-    """Whether the statement is about these files."""
-    said = signed.statement
-    if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
-    wanted: dict[str, Any] = dict(digests)
-    if SUMS in held:
-        wanted[SUMS] = held[SUMS].sha256
-    subjects = said.get("subject")
-    found: dict[str, Any] = {}
-    for each in subjects if isinstance(subjects, list) else []:
-        if isinstance(each, dict) and isinstance(each.get("name"), str):
-            found[each["name"]] = each.get("digest")
-    for name in sorted(set(found) | set(wanted)):
-        if name not in found:
-            checked.add(BundleOutcome.TAMPERED, name, "was not there when the bundle was signed")
-        elif name not in wanted:
-            checked.add(
-                BundleOutcome.INCOMPLETE, name, "is missing, and was there when it was signed"
-            )
-        elif found[name] != {"sha256": wanted[name]}:
-            checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")
-    if document is not None and said.get("predicate") != predicate_of(document):
-        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json")
 
 
 def _check_recordings(
@@ -282,7 +163,7 @@ def _tables(
             checked.add(
                 BundleOutcome.TAMPERED, name, "is not the table whose digest evidence.json has"
             )
-    asked = [StrangeTable(_data(held, name), schemas[name]) for name in there]
+    asked = [StrangeTable(bytes_of(held, name), schemas[name]) for name in there]
     found: dict[str, pl.DataFrame] = {}
     for name, table in zip(there, read_tables(asked), strict=True):
         if isinstance(table, str):
@@ -292,74 +173,5 @@ def _tables(
     return found.get(READINGS), found.get(POINTS)
 
 
-def _check_chain(
-    checked: CheckedBundle, document: EvidenceDocument, before: CheckedBundle | None
-) -> None:
-    """Whether this evidence follows that before it."""
-    chain, item = document.chain, f"{EVIDENCE}: chain"
-    link = chain.previous
-    if chain.counter != (1 if link is None else link.counter + 1):
-        checked.add(
-            BundleOutcome.TAMPERED, f"{item}.counter", "does not follow that of the link before"
-        )
-    if before is None:
-        if link is not None:
-            checked.notes.append(
-                f"chained to evidence {link.id} (number {link.counter}), which was not given: "
-                "--previous checks it"
-            )
-        return
-    last = before.document
-    for each in before.findings:
-        if each.outcome is not BundleOutcome.OUTSIDE:
-            checked.add(each.outcome, f"the evidence before: {each.item}", each.what)
-    if last is None:
-        checked.add(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
-        return
-    if last.campaign.machine.id != document.campaign.machine.id:
-        checked.add(BundleOutcome.TAMPERED, item, "the evidence before is of another machine")
-    if chain.counter <= last.chain.counter:
-        checked.add(
-            BundleOutcome.TAMPERED,
-            f"{item}.counter",
-            f"is {chain.counter}, and that before it {last.chain.counter}: the counter only "
-            "grows, so this is older",
-        )
-    elif link is None:
-        checked.add(BundleOutcome.TAMPERED, item, "names no evidence before it, and there is some")
-    elif link.id != last.id or link.sums_sha256 != hashlib.sha256(before.sums).hexdigest():
-        checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
-    else:
-        _check_as_found(checked, document, last)
-        kept = (document.calibration, document.expires)
-        if document.kind == "check" and kept != (last.calibration, last.expires):
-            what = "line and last day are not those of the evidence before, which it is a check of"
-            checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: calibration", what)
-
-
-def _check_as_found(
-    checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument
-) -> None:
-    found, line = document.as_found, last.calibration
-    wanted = None if line is None else (last.id, line.alpha_1, line.beta_kg)
-    if (None if found is None else (found.evidence_id, found.alpha_1, found.beta_kg)) != wanted:
-        checked.add(
-            BundleOutcome.IRREPRODUCIBLE,
-            f"{EVIDENCE}: as_found",
-            "is not the line before it",
-        )
-
-
 def _report(held: Mapping[str, BundleFile]) -> bytes | None:
     return held[REPORT].data if REPORT in held else None
-
-
-def _data(held: Mapping[str, BundleFile], name: str) -> bytes:
-    data = held[name].data
-    assert data is not None
-    return data
-
-
-def _without(name: str, fault: EvidenceError) -> str:
-    """The fault without the name that the finding has already."""
-    return str(fault).removeprefix(f"{name}: ")

@@ -421,6 +421,7 @@ def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_p
 @pytest.mark.slow
 def test_each_flipped_byte_of_the_small_files_is_found(made: Made, tmp_path: Path) -> None:
     from recordings.evidence import checks
+    from recordings.evidence.checked import CheckedBundle
 
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
     for name in (EVIDENCE, READINGS, POINTS, REPORT, SUMS):
@@ -429,7 +430,7 @@ def test_each_flipped_byte_of_the_small_files_is_found(made: Made, tmp_path: Pat
             data = bytearray(whole)
             data[place] ^= 1 << place % 8
             (folder / name).write_bytes(data)
-            found = checks.CheckedBundle()
+            found = CheckedBundle()
             checks._files(folder, found)
             assert found.findings, (name, place)
         (folder / name).write_bytes(whole)
