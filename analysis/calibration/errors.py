@@ -68,7 +68,9 @@ def attenuation(campaign: Campaign) -> float | None:
     """
     of_run = campaign.runs.select("run_id", "reference_kg")
     single = campaign.readings.select("run_id", "load_id", "mass_kg").join(of_run, "run_id")
-    means = single.group_by("load_id", maintain_order=True).agg(pl.col("mass_kg", "reference_kg").mean())
+    means = single.group_by("load_id", maintain_order=True).agg(
+        pl.col("mass_kg", "reference_kg").mean()
+    )
     slopes = [_slope(part) for part in (single, means)]
     return slopes[0] / slopes[1] if slopes[1] else None
 
