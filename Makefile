@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test check lint types tests slow golden golden-update docs campaign coverage decoding forgetting gates honesty reproduction reading speed memory fuzz lock clean help
+.PHONY: demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty reproduction reading speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -64,6 +64,9 @@ campaign: $(TEST_STAMP) ## the demo's campaign over 20 seeds (four minutes)
 
 coverage: $(TEST_STAMP) ## how often 95 % intervals contain the truth, into the documentation (fifteen minutes)
 	$(BIN)/python -P benchmarks/intervals.py --write
+
+calibration: $(TEST_STAMP) ## how often intervals of calibrated masses hold, into the documentation (half an hour)
+	$(BIN)/python -P benchmarks/calibration.py --write
 
 forgetting: $(TEST_STAMP) ## which λ to forget with, into the documentation (four minutes)
 	$(BIN)/python -P benchmarks/forgetting.py --write

@@ -45,6 +45,14 @@ NOISE_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
         "torque_z_N_m": "torque_z_N_m",
     },
 }
+#: Columns of `loads` that a calibration adds.
+CALIBRATED: Final = (
+    "calibrated_kg",
+    "calibrated_u_kg",
+    "calibrated_low_kg",
+    "calibrated_high_kg",
+    "calibrated_reason",
+)
 PHASE: Final = pl.Enum(PHASES)
 REASON: Final = pl.Enum(REASONS)
 
@@ -315,6 +323,13 @@ FRAMES: Final[dict[str, Frame]] = {
                     "withheld_for", pl.String, "1", "why there is no mass (empty when there is)"
                 ),
                 Column("said", pl.String, "1", "what a reader must know of the loads"),
+                _f("calibrated_kg", "kg", "mass under the calibration, where one was given"),
+                _f("calibrated_u_kg", "kg", "its standard uncertainty"),
+                _f("calibrated_low_kg", "kg", "lower end of its interval"),
+                _f("calibrated_high_kg", "kg", "upper end of its interval"),
+                Column(
+                    "calibrated_reason", pl.String, "1", "why there is none (empty when there is)"
+                ),
             ),
         ),
         Frame(
@@ -384,6 +399,64 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("calibrated_kg", "kg", "calibrated mean"),
                 _f("error_kg", "kg", "calibrated less reference, this load in the fit"),
                 _f("error_left_out_kg", "kg", "the same with this load left out of the fit"),
+            ),
+        ),
+        Frame(
+            "line",
+            "of evidence: the line of a calibration, one row",
+            (
+                _f("alpha_1", "1", "slope: calibrated mass over estimate"),
+                _f("beta_kg", "kg", "offset of the calibrated mass"),
+                _f("valid_from_kg", "kg", "lightest mass that it holds for"),
+                _f("valid_to_kg", "kg", "heaviest mass that it holds for"),
+                _f("line_u_kg", "kg", "standard uncertainty of a run's mass, heavy end"),
+                _f("coverage_k_1", "1", "coverage factor of that"),
+            ),
+        ),
+        Frame(
+            "points",
+            "of evidence: a row a run",
+            (
+                Column("run_id", pl.String, "1", "name of the run"),
+                Column("load", pl.String, "1", "what was on board"),
+                Column("day", pl.String, "1", "day of the run"),
+                _f("reference_kg", "kg", "reference of that load"),
+                Column("readings", pl.Int64, "1", "readings in use"),
+                Column("rejected", pl.Int64, "1", "readings that count for nothing"),
+                _f("mean_kg", "kg", "mean estimate, not calibrated"),
+                _f("std_kg", "kg", "standard deviation of a reading"),
+                _f("calibrated_kg", "kg", "calibrated mean"),
+                _f("error_kg", "kg", "calibrated less reference, this load in the fit"),
+                _f("error_left_out_kg", "kg", "the same with this load left out of the fit"),
+                _f("studentised_1", "1", "residual over its own deviation"),
+            ),
+        ),
+        Frame(
+            "readings",
+            "of evidence: a row a manoeuvre of a run",
+            (
+                Column("run_id", pl.String, "1", "name of the run"),
+                Column("load", pl.String, "1", "what was on board"),
+                Column("day", pl.String, "1", "day of the run"),
+                Column("log", pl.String, "1", "its log"),
+                Column("reading", pl.Int64, "1", "number of the reading in its run"),
+                _f("start_s", "s", "its begin, from the log's first aligned sample"),
+                _f("end_s", "s", "its end, likewise"),
+                _f("mass_kg", "kg", "estimate by this manoeuvre"),
+                _f("std_kg", "kg", "its standard deviation by this manoeuvre alone"),
+                _f("common_u_kg", "kg", "uncertainty that it shares with the other readings"),
+                Column("used", pl.Boolean, "1", "whether it counts"),
+                Column("left_out_for", pl.String, "1", "why it does not (empty when it does)"),
+            ),
+        ),
+        Frame(
+            "runs",
+            "of evidence: where each run's replay is recorded",
+            (
+                Column("run_id", pl.String, "1", "name of the run"),
+                Column("log", pl.String, "1", "its log"),
+                Column("log_sha256", pl.String, "1", "digests of the log's files"),
+                Column("recording", pl.String, "1", "its recording (empty when none was kept)"),
             ),
         ),
     )

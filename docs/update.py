@@ -19,6 +19,16 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from analysis.calibration.campaign import (
+    About,
+    AskedLimits,
+    CalibratedMachine,
+    CampaignMethod,
+    CampaignRun,
+    Conditions,
+    ReferenceMass,
+    StatedComponent,
+)
 from analysis.settings import Settings
 from analysis.simulation.brakes import SimulatedBrakes
 from analysis.simulation.chassis import SimulatedChassis
@@ -43,12 +53,14 @@ PAGES = (
             "machine-file",
             "simulating",
             "inertia-and-centre-of-mass",
+            "evidence",
             "commands",
         )
     ),
 )
 _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _SETTINGS = re.compile(r"(<!-- settings -->).*?(<!-- end of settings -->)", re.DOTALL)
+_CAMPAIGN = re.compile(r"(<!-- campaign -->).*?(<!-- end of campaign -->)", re.DOTALL)
 _SCENARIO = re.compile(r"(<!-- scenario -->).*?(<!-- end of scenario -->)", re.DOTALL)
 #: Another processor gives other last bits.
 _DIGEST = re.compile(r"\b(?=[0-9a-f]*[0-9])[0-9a-f]{12}\b")
@@ -60,6 +72,7 @@ def updated(page: str, folder: Path) -> str:
     """The page with the output of its commands, and the settings, as they are now."""
     page = _SETTINGS.sub(lambda found: f"{found[1]}\n{settings_table()}\n{found[2]}", page)
     page = _SCENARIO.sub(lambda found: f"{found[1]}\n{scenario_tables()}\n{found[2]}", page)
+    page = _CAMPAIGN.sub(lambda found: f"{found[1]}\n{campaign_tables()}\n{found[2]}", page)
     return _BLOCK.sub(lambda block: f"```console\n{_run_block(block[1], folder)}```", page)
 
 
@@ -96,15 +109,40 @@ def scenario_tables() -> str:
         name = kind.model_fields["kind"].default
         sections.append((f'`[[campaign.manoeuvres]]` `kind = "{name}"`', kind))
     sections += [("`force` of an excitation", ForceWave), ("`torque`", TorqueWave)]
+    return _tables(sections)
+
+
+def campaign_tables() -> str:
+    """Every key of a campaign file of a calibration, a table a section."""
+    return _tables(
+        [
+            ("`[campaign]`", About),
+            ("`[machine]`", CalibratedMachine),
+            ("`[[masses]]`", ReferenceMass),
+            ("`[conditions]`", Conditions),
+            ("`[[runs]]`", CampaignRun),
+            ("`[method]`", CampaignMethod),
+            ("`[[method.stated]]`", StatedComponent),
+            ("`[decision]`", AskedLimits),
+        ]
+    )
+
+
+def _tables(sections: list[tuple[str, type[BaseModel]]]) -> str:
     lines: list[str] = []
     for title, model in sections:
         lines += ["", f"**{title}** {' '.join((model.__doc__ or '').split())}", ""]
         lines += ["| key | default | meaning |", "|---|---|---|"]
         for name, field in model.model_fields.items():
             if name != "kind":
-                default = "–" if field.is_required() else f"`{json.dumps(field.default)}`"
+                default = "–" if field.is_required() else f"`{_written(field.default)}`"
                 lines.append(f"| `{name}` | {default} | {field.description} |")
     return "\n".join([*lines[1:], ""])
+
+
+def _written(default: object) -> str:
+    """A default as TOML or JSON writes it; that of a table by its name."""
+    return "{}" if isinstance(default, BaseModel) else json.dumps(default)
 
 
 def same(written: str, now: str) -> bool:

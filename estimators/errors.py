@@ -4,6 +4,8 @@
     ├── LogError            a log cannot be opened or read as asked
     ├── MachineError        a machine file, one of its settings or an override is wrong
     ├── ScenarioError       a simulation scenario is wrong
+    ├── CampaignError       a campaign file of a calibration is wrong, or its runs give no reading
+    ├── EvidenceError       evidence, or a key, cannot be read or written as asked
     ├── RecordingError      a recording cannot be read, or does not hold what was asked for
     ├── DataError           the samples cannot be worked with (lengths, no common time, no numbers)
     └── OutputError         an output cannot be written, or is there already
@@ -32,6 +34,14 @@ class MachineError(PayscopeError):
 
 class ScenarioError(PayscopeError):
     """A simulation scenario is wrong."""
+
+
+class CampaignError(PayscopeError):
+    """A campaign file of a calibration is wrong, or its runs give no reading."""
+
+
+class EvidenceError(PayscopeError):
+    """Evidence of a calibration, or a key, cannot be read or written as asked."""
 
 
 class RecordingError(PayscopeError):

@@ -5,8 +5,12 @@ import tempfile
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from estimators.errors import OutputError
+
+#: What shows that a folder is one that payscope writes whole.
+_OURS: Final = ("metadata.yaml", "evidence.json")
 
 
 @contextmanager
@@ -15,7 +19,8 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
 
     Args:
         targets: files or folders of one folder.
-        force: whether what is there may be replaced (a folder only if it is a rosbag2 directory).
+        force: whether what is there may be replaced (a folder only if it is a rosbag2 directory or
+            evidence).
 
     Raises:
         OutputError: a target is there already, or their folder cannot be written to.
@@ -37,6 +42,15 @@ def whole_file(target: Path, *, force: bool) -> Generator[Path]:
     _refuse_folder(target)
     with staged([target], force=force) as stage:
         yield stage / target.name
+
+
+def check_folder(target: Path, *, force: bool) -> None:
+    """Refuse a folder as an output before the work that it is for.
+
+    Raises:
+        OutputError: it is there already, or its parent cannot be written to.
+    """
+    _stage([target], force=force).rmdir()
 
 
 def check_output(target: Path, *, force: bool) -> None:
@@ -80,8 +94,10 @@ def _stage(targets: Sequence[Path], *, force: bool) -> Path:
 
 
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
-    if target.is_dir() and not (target / "metadata.yaml").is_file():
-        raise OutputError(f"{target}: is a folder and no rosbag2 directory; name another output")
+    if target.is_dir() and not any((target / name).is_file() for name in _OURS):
+        raise OutputError(
+            f"{target}: is a folder and no rosbag2 directory or evidence; name another output"
+        )
     if target.exists() and not force:
         raise OutputError(f"{target}: exists already; name another output, or give --force")
 

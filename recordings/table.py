@@ -360,7 +360,8 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "payload_u_random_kg payload_to empty scatter_kg scatter_known "
             "friction_x_N_s_m friction_x_std_N_s_m "
             "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
-            "scale_unknown withheld withheld_for said"
+            "scale_unknown withheld withheld_for said "
+            "calibrated_kg calibrated_u_kg calibrated_low_kg calibrated_high_kg calibrated_reason"
         ),
         "manoeuvres": "load_id start_t_ns end_t_ns",
         "nuisances": "term unit prior_std posterior posterior_std u_kg meaning",
@@ -370,6 +371,15 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "
             "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"
         ),
+        "line": "alpha_1 beta_kg valid_from_kg valid_to_kg line_u_kg coverage_k_1",
+        "points": (
+            "run_id load day reference_kg readings rejected mean_kg std_kg calibrated_kg "
+            "error_kg error_left_out_kg studentised_1"
+        ),
+        "readings": (
+            "run_id load day log reading start_s end_s mass_kg std_kg common_u_kg used left_out_for"
+        ),
+        "runs": "run_id log log_sha256 recording",
     }.items()
 }
 

@@ -130,6 +130,8 @@ def summary(run: Run) -> str:
 
 def answer_text(run: Run) -> str:
     """The masses, the verdict with every check, and what a reader should know."""
+    if "points" in run.frames:
+        return ""  # of evidence, which is about many logs
     about, span, said = run.provenance, span_ns(run), answer(run)
     duration = f", {(span[1] - span[0]) / _NS:,.1f} s" if span else ""
     parts = [
@@ -159,11 +161,11 @@ def answer_text(run: Run) -> str:
 
 
 def calibration(run: Run) -> str:
-    """The points and the fit of (19); nothing without a calibration."""
+    """The points and the fit of (19), and of evidence; nothing without a calibration."""
+    parts = ["# Calibration", *_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
-        return ""
-    parts = ["# Calibration"]
+        return "\n\n".join(parts) if len(parts) > 1 else ""
     for (method,), group in points.group_by("method", maintain_order=True):
         fit = group.row(0, named=True)
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
@@ -173,6 +175,17 @@ def calibration(run: Run) -> str:
             )
     columns = [name for name in points.columns if name not in ("alpha_1", "beta_kg")]
     return "\n\n".join([*parts, table(columns, points.select(columns).rows())])
+
+
+def _evidence(run: Run) -> list[str]:
+    """The line of evidence, its points, and where each run is recorded."""
+    if "points" not in run.frames:
+        return []
+    parts = [f"- {note}" for note in run.provenance.notes]
+    for name, title in (("line", "Line"), ("points", "Points"), ("runs", "Recordings of the runs")):
+        frame = run.frames[name]
+        parts += [f"## {title}", table(frame.columns, frame.rows())]
+    return parts
 
 
 def settings(run: Run) -> str:

@@ -50,6 +50,20 @@ def test_every_key_of_a_scenario_is_documented_with_its_meaning() -> None:
             assert name == "kind" or field.description, name
 
 
+def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
+    from analysis.calibration import campaign
+
+    page = (REPO / "docs/evidence.md").read_text(encoding="utf-8")
+    for model in (
+        *(campaign.About, campaign.CalibratedMachine, campaign.ReferenceMass),
+        *(campaign.Conditions, campaign.CampaignRun, campaign.CampaignMethod),
+        *(campaign.StatedComponent, campaign.AskedLimits),
+    ):
+        for name, field in model.model_fields.items():
+            assert f"| `{name}` |" in page
+            assert field.description, name
+
+
 @pytest.mark.parametrize(
     "pages",
     [
@@ -97,12 +111,17 @@ def test_links_within_the_repository_lead_somewhere(page: Path) -> None:
 
 
 def test_every_example_machine_file_is_valid() -> None:
+    from analysis.calibration.campaign import CalibrationCampaign
+    from estimators.errors import CampaignError
     from replay import load_machine
     from replay.scenario_file import load_scenario
+    from replay.toml_file import read_toml, validate
 
     for path in sorted((REPO / "examples").glob("*.toml")):
         if path.name in ("campaign.toml", "inertia.toml", "planar.toml"):
             load_scenario(path)
+        elif path.name == "calibration.toml":
+            validate(path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError)
         else:
             load_machine(path)
 

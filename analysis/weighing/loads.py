@@ -7,7 +7,7 @@ import polars as pl
 
 from analysis.check import Verdict
 from analysis.machine import Machine
-from analysis.schema import FRAMES, build
+from analysis.schema import CALIBRATED, FRAMES, build
 from analysis.weighing.budget import budget, combined, unknown_scale
 from analysis.weighing.equation import Floats, Ints
 from analysis.weighing.joint_fit import JointFit
@@ -273,7 +273,7 @@ def _no_load(verdict: Verdict) -> pl.DataFrame:
         "empty": False,
         "said": "",
     }
-    columns = FRAMES["loads"].columns
+    columns = [c for c in FRAMES["loads"].columns if c.name not in CALIBRATED]
     return build("loads", {c.name: pl.Series([said.get(c.name)], dtype=c.dtype) for c in columns})
 
 

@@ -1,7 +1,8 @@
 """The command line: `payscope COMMAND`. Data on stdout, messages on stderr.
 
 Exit status: 0 done; 1 the answer is no (cannot weigh, differs); 2 bad input or usage, with one
-line that says which file, what is wrong and what to do.
+line that says which file, what is wrong and what to do. `verify` adds 3 tampered, 4 irreproducible,
+5 incomplete, 6 not within limits.
 """
 
 import os
@@ -16,6 +17,7 @@ import typer
 
 from estimators.errors import PayscopeError
 from replay.commands import (
+    calibrate,
     compare,
     demo,
     excite,
@@ -27,6 +29,7 @@ from replay.commands import (
     show,
     simulate,
     sweep,
+    verify,
     view,
 )
 
@@ -38,7 +41,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (demo, info, init, run, show, plot, view, compare, sweep, reproduce, excite, simulate)
+_COMMANDS = (
+    *(demo, info, init, run, show, plot, view, compare, sweep),
+    *(calibrate, verify, reproduce, excite, simulate),
+)
 for _command in _COMMANDS:
     app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
 

@@ -1,4 +1,4 @@
-"""`payscope init`: a first machine file."""
+"""`payscope init`: a first machine file, or a first campaign file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,27 +7,49 @@ import typer
 
 
 def command(
-    log: Annotated[Path, typer.Argument(help="The log.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The machine file to write.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The machine or campaign file to write.")
+    ],
+    log: Annotated[Path | None, typer.Argument(help="The log.")] = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Option("--campaign", metavar="DIR", help="Draft a campaign of the logs in DIR."),
+    ] = None,
+    machine: Annotated[
+        Path | None,
+        typer.Option("-m", "--machine", help="The campaign's machine file: finds load states."),
+    ] = None,
     time: Annotated[str | None, typer.Option(help="The time column of a table.")] = None,
     time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Draft a machine file from the contents of a log, to be checked and completed by hand."""
-    from recordings.output import keep_apart, whole_file
+    """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
+    from recordings.output import check_output, keep_apart, whole_file
     from replay.commands.options import time_axis_of
     from replay.guess import draft_machine_file
     from replay.guess_priors import prior_lines
     from replay.readers import open_log
 
+    if (log is None) == (campaign is None):
+        raise typer.BadParameter("name a LOG for a machine file, or --campaign DIR")
     axis = time_axis_of(time, time_unit)
-    with open_log(log, time=axis) as opened:
-        keep_apart(output, opened.files)
-        text, lacking = draft_machine_file(opened, axis)
-        if not lacking:
-            text += "\n".join(["", *prior_lines(opened, text)])
+    if campaign is not None:
+        from replay.campaign_draft import draft_campaign
+
+        check_output(output, force=force)
+        text, lacking = draft_campaign(campaign, output, machine)
+    else:
+        assert log is not None
+        if machine is not None:
+            raise typer.BadParameter("--machine is of --campaign; a LOG gives a machine file")
+        with open_log(log, time=axis) as opened:
+            keep_apart(output, opened.files)
+            text, missing = draft_machine_file(opened, axis)
+            if not missing:
+                text += "\n".join(["", *prior_lines(opened, text)])
+        lacking = [f"still missing: {sentence}" for sentence in missing]
     with whole_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
     for sentence in lacking:
-        typer.echo(f"still missing: {sentence}", err=True)
+        typer.echo(sentence, err=True)
     typer.echo(str(output))

@@ -67,9 +67,11 @@ def test_a_name_says_the_dtype():
     whole += ("load_id", "manoeuvres", "mean_samples", "payload_to")
     words = ("kind", "identifiable", "combinations", "method", "check", "about", "meaning")
     words += ("first", "second", "consequence", "remedy", "scale_unknown", "withheld_for")
-    words += ("term", "unit", "cause", "shrinks", "said")
+    words += ("term", "unit", "cause", "shrinks", "said", "calibrated_reason")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
-    truths += ("braking_left_out", "scatter_known", "empty")
+    words += ("run_id", "load", "day", "log", "left_out_for", "log_sha256", "recording")
+    whole += ("readings", "reading", "rejected")
+    truths += ("braking_left_out", "scatter_known", "empty", "used")
     dtypes = {
         **dict.fromkeys(whole, pl.Int64),
         **dict.fromkeys(words, pl.String),

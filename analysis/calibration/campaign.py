@@ -1,0 +1,268 @@
+"""A calibration campaign as its file states it: reference masses, runs, method, decision rule."""
+
+import datetime as dt
+from itertools import pairwise
+from typing import Annotated, Final, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
+
+from estimators.errors import nearest
+
+_FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+#: What the joint fit gives: the machine's whole mass, or its difference to runs without load.
+JOINT_ESTIMATORS: Final = ("joint_mass", "joint_payload")
+#: The load of a run without any.
+EMPTY: Final = "empty"
+
+Id = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$")]
+Text = Annotated[str, StringConstraints(max_length=2000)]
+Line = Annotated[str, StringConstraints(max_length=200)]
+Estimator = Literal[
+    "joint_mass", "joint_payload", "pooled", "ls", "rls", "rtls", "fgls", "tls", "huber"
+]
+
+
+class About(BaseModel):
+    """Who makes the evidence, and what for."""
+
+    model_config = _FORBID
+
+    title: Line = Field("", description="heading of the report")
+    intended_use: Text = Field(min_length=1, description="what the calibration is for")
+    author: Line = Field(min_length=1, description="who made the campaign")
+    authoriser: Line = Field("", description="who answers for it, if another")
+    signer: Line = Field("", description="whose signing key it is, by name")
+    valid_days: int = Field(
+        365, ge=1, le=3650, description="days after the last run when the evidence expires"
+    )
+    remark: Text = Field("", description="for the reader, such as repairs since the last")
+
+
+class CalibratedMachine(BaseModel):
+    """Which machine it is about; its machine file says how it is weighed."""
+
+    model_config = _FORBID
+
+    file: Line = Field(min_length=1, description="machine file, from the campaign file's folder")
+    id: Id = Field(description="serial number: evidence is chained by it")
+    empty_mass_kg: float | None = Field(
+        None, gt=0, description="its empty mass, where not the machine file's"
+    )
+    empty_mass_u_kg: float | None = Field(
+        None, ge=0, description="standard uncertainty of that, likewise"
+    )
+    empty_certificate: Line = Field("", description="certificate of the machine's empty mass")
+    empty_expires: dt.date | None = Field(None, description="its last day")
+    parts: dict[Line, Line] = Field(
+        default={}, description="ids of sensors, bucket, firmware: a table of texts"
+    )
+
+
+class ReferenceMass(BaseModel):
+    """One reference mass with its certificate."""
+
+    model_config = _FORBID
+
+    id: Id = Field(description="name that runs call it by")
+    value_kg: float = Field(gt=0, le=1e6, description="its mass")
+    u_kg: float = Field(ge=0, le=1e5, description="standard uncertainty (k = 1) of that")
+    certificate: Line = Field("", description="id of its certificate")
+    expires: dt.date | None = Field(None, description="last day of the certificate")
+    source: Line = Field("", description="scale or certificate that several masses share")
+    shared_u_kg: float = Field(
+        0.0, ge=0, le=1e5, description="part of u_kg that all masses of that source share"
+    )
+
+    @model_validator(mode="after")
+    def _part_of_whole(self) -> Self:
+        if self.shared_u_kg > self.u_kg:
+            raise ValueError(f"'{self.id}': shared_u_kg is a part of u_kg, and cannot exceed it")
+        if self.shared_u_kg and not self.source:
+            raise ValueError(f"'{self.id}': shared_u_kg needs source, what it is shared with")
+        return self
+
+
+class Conditions(BaseModel):
+    """What the runs were made under."""
+
+    model_config = _FORBID
+
+    slope_deg: float | None = Field(None, ge=-45, le=45, description="of the ground, nose up")
+    surface: Line = Field("", description="such as dry concrete")
+    tyres: Line = Field("", description="such as inflation pressure")
+    fuel: Line = Field("", description="such as how full the tank was")
+    temperature_degC: float | None = Field(None, ge=-90, le=90, description="of the air")
+    note: Line = Field("", description="anything else")
+
+
+class CampaignRun(BaseModel):
+    """A log, or a stretch of one, with known loads on board."""
+
+    model_config = _FORBID
+
+    id: Id = Field(description="name of the run; of its number where there is none")
+    log: Line = Field(min_length=1, description="the log, from the campaign file's folder")
+    from_s: float | None = Field(None, ge=0, description="begin, in seconds from the log's start")
+    to_s: float | None = Field(None, gt=0, description="end, likewise")
+    loads: tuple[Id, ...] = Field(description="ids of the masses on board; [] without load")
+    day: dt.date = Field(description="day of the run")
+    operator: Line = Field("", description="who drove")
+    conditions: Conditions = Field(Conditions.model_validate({}), description="if not all runs'")
+    excluded: Line = Field("", description="why it counts for nothing; kept in the evidence")
+
+    @property
+    def load_id(self) -> str:
+        """The name of what is on board."""
+        return "+".join(sorted(self.loads)) or EMPTY
+
+    def holds(self, start_s: float, end_s: float) -> bool:
+        """Whether the middle of a stretch of its log lies in the run."""
+        middle = (start_s + end_s) / 2.0
+        return (self.from_s or 0.0) <= middle < (np.inf if self.to_s is None else self.to_s)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.to_s is not None and self.to_s <= (self.from_s or 0.0):
+            raise ValueError(f"run '{self.id}': to_s is not after from_s")
+        if len(set(self.loads)) < len(self.loads):
+            raise ValueError(f"run '{self.id}': a mass is on board once")
+        return self
+
+
+class StatedComponent(BaseModel):
+    """A component of the uncertainty budget that no run shows."""
+
+    model_config = _FORBID
+
+    component: Line = Field(min_length=1, description="name, such as tare or local gravity")
+    u_kg: float | None = Field(None, ge=0, le=1e5, description="standard uncertainty, if known")
+    absorbed: bool = Field(
+        default=False, description="a constant of the machine, which the line takes with it"
+    )
+    known: Line = Field("stated in the campaign file", description="how it is known")
+
+
+class CampaignMethod(BaseModel):
+    """Which mass is calibrated, and how far its line is believed."""
+
+    model_config = _FORBID
+
+    estimator: Estimator = Field(
+        "joint_mass",
+        description="joint_mass, joint_payload (difference to runs without load), "
+        "or a method of the paper",
+    )
+    confidence_1: float = Field(0.95, gt=0.5, lt=1, description="of every interval")
+    day_known_kg: float | None = Field(
+        None, ge=0, le=1e5, description="standard deviation from day to day, where it is known"
+    )
+    margin_1: float = Field(
+        0.0, ge=0, le=1, description="how far beyond the references it holds, of their range"
+    )
+    stated: tuple[StatedComponent, ...] = Field(
+        (), description="components of the budget that no run shows"
+    )
+
+
+class AskedLimits(BaseModel):
+    """Which error limits a calibrated mass is to be within, and how sure the answer has to be."""
+
+    model_config = _FORBID
+
+    accuracy_class: Line = Field(description='such as "OIML R 51 Y(b)" or "OIML R 134 2"')
+    scale_interval_kg: float | None = Field(None, gt=0, description="e of R 51")
+    in_service: bool = Field(default=False, description="R 51's limits in service, not initial")
+    tare_kg: float = Field(
+        0.0, ge=0, description="taken off references: the machine's mass, where a load is judged"
+    )
+    risk_1: float = Field(
+        0.05, gt=0, lt=0.5, description="probability of a wrong verdict; the guard band follows"
+    )
+
+
+class CalibrationCampaign(BaseModel):
+    """A whole campaign file."""
+
+    model_config = _FORBID
+
+    campaign: About
+    machine: CalibratedMachine
+    masses: tuple[ReferenceMass, ...] = Field((), max_length=200)
+    conditions: Conditions = Conditions.model_validate({})
+    method: CampaignMethod = CampaignMethod.model_validate({})
+    decision: AskedLimits | None = None
+    runs: tuple[CampaignRun, ...] = Field(min_length=1, max_length=500)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_by_number(cls, content: object) -> object:
+        if not isinstance(content, dict) or not isinstance(content.get("runs"), list):
+            return content
+        runs = [
+            {"id": f"run-{number:02}", **run} if isinstance(run, dict) else run
+            for number, run in enumerate(content["runs"], start=1)
+        ]
+        return {**content, "runs": runs}
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        for what, ids in (
+            ("mass", [each.id for each in self.masses]),
+            ("run", [each.id for each in self.runs]),
+        ):
+            twice = sorted({each for each in ids if ids.count(each) > 1})
+            if twice:
+                raise ValueError(f"two of the {what}s are called '{twice[0]}'")
+        known = {each.id for each in self.masses}
+        for run in self.runs:
+            for load in run.loads:
+                if load not in known:
+                    raise ValueError(f"run '{run.id}': no mass '{load}'; {nearest(load, known)}")
+        self._apart()
+        return self
+
+    def _apart(self) -> None:
+        """No start counts twice."""
+        spans = sorted(
+            (run.log, run.from_s or 0.0, np.inf if run.to_s is None else run.to_s, run.id)
+            for run in self.runs
+        )
+        for (log, _, end, first), (other, begin, _, second) in pairwise(spans):
+            if log == other and begin < end:
+                raise ValueError(f"runs '{first}' and '{second}' overlap in {log}")
+
+    @property
+    def logs(self) -> tuple[str, ...]:
+        """The logs, each once, in the runs' order."""
+        return tuple(dict.fromkeys(run.log for run in self.runs))
+
+    @property
+    def load_ids(self) -> tuple[str, ...]:
+        """The loads, each once, in the runs' order."""
+        return tuple(dict.fromkeys(run.load_id for run in self.runs))
+
+    @property
+    def expires(self) -> dt.date:
+        """The last day of the evidence."""
+        last = max(run.day for run in self.runs)
+        return last + dt.timedelta(days=self.campaign.valid_days)
+
+    def on_board(self, load_id: str) -> tuple[ReferenceMass, ...]:
+        """The masses of a load."""
+        wanted = () if load_id == EMPTY else load_id.split("+")
+        return tuple(each for each in self.masses if each.id in wanted)
+
+    def overdue(self) -> list[str]:
+        """Certificates that were not valid on the day of a run, a sentence each."""
+        found: list[str] = []
+        for run in self.runs:
+            dated = [(f"mass '{m.id}'", m.expires) for m in self.on_board(run.load_id)]
+            if self.method.estimator != "joint_payload":
+                dated.append(("the machine's empty mass", self.machine.empty_expires))
+            found += [
+                f"run '{run.id}' of {run.day}: the certificate of {what} expired on {last}"
+                for what, last in dated
+                if last is not None and last < run.day
+            ]
+        return found

@@ -1,0 +1,98 @@
+"""What the points of a calibration err by: on the line, with their load left out, and on (19)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.calibration import Point
+from analysis.calibration.distance_regression import distance_regression
+from analysis.calibration.model import FittedLine
+from analysis.calibration.outliers import studentised
+from analysis.calibration.points import Campaign
+from analysis.calibration.variance_components import Floats
+
+
+def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
+    """A row a run, those without a used reading as well."""
+    reference = campaign.points.x_kg
+    calibrated = (campaign.points.y_kg - line.level_kg) / line.slope_1 + line.centre_kg
+    values = {
+        "calibrated_kg": calibrated,
+        "error_kg": calibrated - reference,
+        "error_left_out_kg": _left_out(campaign, line),
+        "studentised_1": studentised(line),
+    }
+    place = {int(row): k for k, row in enumerate(campaign.fitted)}
+    rows: list[Point] = []
+    for row, run in enumerate(campaign.runs.iter_rows(named=True)):
+        k = place.get(row)
+        at: dict[str, Any] = {
+            name: None if k is None or np.isnan(column[k]) else float(column[k])
+            for name, column in values.items()
+        }
+        rows.append(Point(**{**run, **at}))
+    return tuple(rows)
+
+
+def _left_out(campaign: Campaign, line: FittedLine) -> Floats:
+    """(points,) error of each under the line through the other loads; NaN where they give none."""
+    points = campaign.points
+    x_cov = points.x_cov_kg2
+    y_cov = line.point_covariance_kg2 - line.slope_1**2 * x_cov
+    errors = np.full(points.y_kg.size, np.nan)
+    x = points.x_kg
+    for load in np.unique(points.load):
+        left = points.load == load
+        rest = ~left
+        if np.unique(x[rest]).size < 2:
+            continue
+        inner = np.ix_(rest, rest)
+        other = distance_regression(x[rest], points.y_kg[rest], x_cov[inner], y_cov[inner])
+        if other.slope:
+            errors[left] = (points.y_kg[left] - other.intercept) / other.slope - x[left]
+    return errors
+
+
+def rms(errors: Sequence[float | None]) -> float | None:
+    """Root mean square of the errors that there are."""
+    known = [error for error in errors if error is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+
+def attenuation(campaign: Campaign) -> float | None:
+    """Slope of (19) fitted to single readings over that fitted to load means.
+
+    Noise of the estimates flattens a line from estimates to references: below 1 by as much.
+    """
+    of_run = campaign.runs.select("run_id", "reference_kg")
+    single = campaign.readings.select("run_id", "load_id", "mass_kg").join(of_run, "run_id")
+    means = single.group_by("load_id", maintain_order=True).agg(
+        pl.col("mass_kg", "reference_kg").mean()
+    )
+    slopes = [_slope(part) for part in (single, means)]
+    return slopes[0] / slopes[1] if slopes[1] else None
+
+
+def _slope(part: pl.DataFrame) -> float:
+    """Least-squares slope of the reference on the estimate."""
+    x, y = (part[name].to_numpy().astype(np.float64) for name in ("mass_kg", "reference_kg"))
+    x, y = x - x.mean(), y - y.mean()
+    return float(x @ y / (x @ x)) if x.any() else 0.0
+
+
+def stated_ratio(campaign: Campaign) -> float | None:
+    """How much more single readings scatter within runs than their own deviations say."""
+    if "std_kg" not in campaign.readings.columns:
+        return None
+    known = campaign.readings.filter(pl.col("std_kg") > 0.0).with_columns(
+        weight=pl.col("std_kg") ** -2.0
+    )
+    mean = (pl.col("weight") * pl.col("mass_kg")).sum() / pl.col("weight").sum()
+    by_run = known.group_by("run_id", maintain_order=True).agg(
+        chi2=(pl.col("weight") * (pl.col("mass_kg") - mean) ** 2).sum(), freedom=pl.len() - 1
+    )
+    freedom = int(by_run["freedom"].sum())
+    ratio = float(np.sqrt(float(by_run["chi2"].sum()) / freedom)) if freedom > 0 else np.nan
+    return ratio if np.isfinite(ratio) else None

@@ -1,0 +1,152 @@
+"""What each manoeuvre of a replay says, for the runs of a campaign that lie in its log."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.campaign import EMPTY, JOINT_ESTIMATORS, CampaignRun, Estimator
+from analysis.calibration.trials import run_estimates
+from analysis.run import Run
+
+#: A row a manoeuvre; a run of which nothing could be read has one row without a mass.
+READINGS: Final[dict[str, type[pl.DataType]]] = {
+    "run_id": pl.String,
+    "load_id": pl.String,
+    "day": pl.String,
+    "log": pl.String,
+    "reading": pl.Int64,
+    "start_s": pl.Float64,
+    "end_s": pl.Float64,
+    "mass_kg": pl.Float64,
+    "std_kg": pl.Float64,
+    "common_u_kg": pl.Float64,
+    "used": pl.Boolean,
+    "reason": pl.String,
+}
+_NS: Final = 1e9
+_NOTHING: Final = "no manoeuvre of this stretch was informative enough"
+_IS_ZERO: Final = "without load: the zero that payloads are counted from"
+_NO_ZERO: Final = "no run of this log without load, so there is no payload as a difference"
+
+
+def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -> pl.DataFrame:
+    """Read the runs of one log.
+
+    Args:
+        replayed: the replay of that log.
+        runs: the campaign's runs in it, in order.
+        estimator: which mass.
+
+    Returns:
+        Frame `readings`, seconds from the log's first aligned sample; all that is not used has a
+        reason.
+    """
+    joint = estimator in JOINT_ESTIMATORS
+    said = _manoeuvres(replayed) if joint else _of_method(replayed, estimator)
+    rows: list[dict[str, Any]] = []
+    for run in runs:
+        inside = [each for each in said if run.holds(each["start_s"], each["end_s"])]
+        about = {
+            "run_id": run.id,
+            "load_id": run.load_id,
+            "day": run.day.isoformat(),
+            "log": run.log,
+        }
+        for number, each in enumerate(inside, start=1):
+            row = {**about, "reading": number, **each}
+            if run.excluded:
+                row |= {"used": False, "reason": f"excluded: {run.excluded}"}
+            rows.append(row)
+        if not inside:
+            why = f"excluded: {run.excluded}" if run.excluded else _NOTHING
+            rows.append({**about, "reading": 1, "used": False, "reason": why})
+    found = pl.DataFrame(rows, schema=READINGS, orient="row")
+    return _differences(found) if estimator == "joint_payload" else found
+
+
+def _manoeuvres(replayed: Run) -> list[dict[str, Any]]:
+    """What the joint fit says, manoeuvre by manoeuvre."""
+    loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
+    found: list[dict[str, Any]] = []
+    for row in replayed.frames["manoeuvres"].to_dicts():
+        load = loads[row["load_id"]]
+        withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
+        found.append(_said(row, row["mass_kg"], row["mass_std_kg"], load["u_common_kg"], withheld))
+    return found
+
+
+def _of_method(replayed: Run, method: str) -> list[dict[str, Any]]:
+    """What a method of the paper says of each manoeuvre; its ± is statistical alone."""
+    about = replayed.provenance
+    segments = replayed.frames["segments"]
+    if f"estimates/{method}" not in replayed.frames or segments.is_empty():
+        return []
+    t0_ns = about.t0_unix_ns
+    trials = segments.select(
+        start_ns=pl.col("start_t_ns") + t0_ns,
+        end_ns=pl.col("end_t_ns") + t0_ns,
+        load_kg=0.0,
+        mass_kg=0.0,
+    )
+    masses = run_estimates(replayed, trials).filter(pl.col("method") == method)["mass_kg"]
+    verdict = [row for row in replayed.frames["loads"].to_dicts() if row["withheld"]]
+    withheld = f"this log cannot weigh: {verdict[0]['withheld_for']}" if verdict else ""
+    stated = replayed.frames[f"estimates/{method}"].drop_nulls("mass_std_kg")
+    found: list[dict[str, Any]] = []
+    for row, mass_kg in zip(segments.to_dicts(), masses, strict=True):
+        if mass_kg is None:
+            continue  # braking, a turn, or too little in it: no start
+        inside = stated.filter(pl.col("t_ns").is_between(row["start_t_ns"], row["end_t_ns"]))
+        # windows overlap: together they say no more than one of them
+        std_kg = inside["mass_std_kg"].mean() if inside.height else None
+        found.append(_said(row, mass_kg, std_kg, 0.0, withheld))
+    return found
+
+
+def _said(
+    row: dict[str, Any],
+    mass_kg: float | None,
+    std_kg: Any,
+    common_u_kg: float | None,
+    withheld: str,
+) -> dict[str, Any]:
+    known = mass_kg is not None and bool(np.isfinite(mass_kg))
+    reason = withheld or ("" if known else _NOTHING)
+    return {
+        "start_s": row["start_t_ns"] / _NS,
+        "end_s": row["end_t_ns"] / _NS,
+        "mass_kg": mass_kg if known else None,
+        "std_kg": std_kg if known else None,
+        "common_u_kg": common_u_kg if known else None,
+        "used": not reason,
+        "reason": reason,
+    }
+
+
+def _differences(found: pl.DataFrame) -> pl.DataFrame:
+    """Masses less the mean of the log's readings without load, whose error they share."""
+    parts: list[pl.DataFrame] = []
+    for log in found.partition_by("log", maintain_order=True):
+        zero = log.filter((pl.col("load_id") == EMPTY) & pl.col("used"))
+        level_kg = zero["mass_kg"].mean() if zero.height else None
+        spread_kg = zero["mass_kg"].std() if zero.height > 1 else None
+        shared_kg = (
+            float(spread_kg) / np.sqrt(zero.height)  # pyright: ignore[reportArgumentType]
+            if spread_kg is not None
+            else (zero["std_kg"][0] if zero.height else None)
+        )
+        why = pl.lit(_NO_ZERO if level_kg is None else _IS_ZERO)
+        out = (pl.col("load_id") == EMPTY) | pl.lit(level_kg is None)
+        parts.append(
+            log.with_columns(
+                mass_kg=pl.col("mass_kg") - pl.lit(level_kg, pl.Float64),
+                common_u_kg=pl.when(pl.col("mass_kg").is_not_null()).then(
+                    pl.lit(shared_kg, pl.Float64)
+                ),
+                reason=pl.when(pl.col("used") & out).then(why).otherwise("reason"),
+                used=pl.col("used") & ~out,
+            )
+        )
+    return pl.concat(parts)

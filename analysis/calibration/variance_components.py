@@ -1,0 +1,165 @@
+"""Variances of several random effects by restricted maximum likelihood (REML)."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_ITERATIONS: Final = 60
+#: A change of every variance below this share of their sum ends the iteration.
+_SMALL: Final = 1e-7
+#: A step leaves at least this share of a variance,
+_SHRINK: Final = 0.1
+#: and none falls below this share of the largest at the start: without any a point has no weight.
+_FLOOR: Final = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Within:
+    """What single readings say of their own variance: a sum of squares about their means.
+
+    Attributes:
+        squares: the sum, in kg².
+        freedom: readings less means.
+    """
+
+    squares: float
+    freedom: int
+
+
+@dataclass(frozen=True, eq=False)
+class Variances:
+    """Variances of the effects.
+
+    Attributes:
+        value: (effects,) of each.
+        covariance: (effects, effects) of the estimates, by the expected information.
+    """
+
+    value: Floats
+    covariance: Floats
+
+    def transformed(self, by: Floats) -> "Variances":
+        """Those of `by` @ value."""
+        return Variances(by @ self.value, by @ self.covariance @ by.T)
+
+    def freedom(self, weight: Floats, total: float) -> float:
+        """Degrees of freedom of a variance that is `total`, of which `weight` @ value is estimated.
+
+        Source:
+            Satterthwaite (1946); with the information of REML Giesbrecht and Burns (1985).
+        """
+        uncertain = float(weight @ self.covariance @ weight)
+        return max(2.0 * total**2 / uncertain, 1.0) if uncertain > 0.0 else float("inf")
+
+
+def restricted_likelihood(
+    residual: Floats,
+    design: Floats,
+    effects: Floats,
+    known: Floats,
+    within: Within,
+    start: Floats | None = None,
+) -> Variances:
+    """Estimate the variances of random effects by Fisher scoring.
+
+    The covariance of the observations is Σ θ_k effects_k + known. A variance that would be
+    negative is 0, but for rounding, and stays in the information: what is hardly known counts as
+    such.
+
+    Args:
+        residual: (points,) observations, less any combination of the design's columns.
+        design: (points, parameters) regressors that are fitted with them.
+        effects: (effects, points, points) structure of each; the first is that of the readings'
+            own variance where `within.freedom` is not 0.
+        known: (points, points) covariance that is not estimated.
+        within: what the readings say besides of the first effect.
+        start: (effects,) variances to begin with; None for those of plain least squares.
+
+    Source:
+        Patterson and Thompson (1971); expected information as in Searle, Casella and McCulloch,
+        Variance Components, 6.6.
+    """
+    value = _start(residual, design, effects, within) if start is None else start
+    floor = _FLOOR * max(float(value.max()), float(known.diagonal().min()))
+    value = np.maximum(value, floor)
+    information = np.eye(value.size)
+    for _ in range(_ITERATIONS):
+        score, information = _score(residual, design, effects, known, within, value)
+        stepped = _stepped(value, score, information, floor)
+        settled = np.abs(stepped - value).max() <= _SMALL * max(stepped.sum(), 1e-300)
+        value = stepped
+        if settled:
+            break
+    return Variances(value, np.asarray(np.linalg.pinv(information, hermitian=True), np.float64))
+
+
+def _start(residual: Floats, design: Floats, effects: Floats, within: Within) -> Floats:
+    """Equal shares of what plain least squares leaves; the readings' own as they say it."""
+    left = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
+    freedom = max(residual.size - design.shape[1], 1)
+    spread = max(float(left @ left) / freedom, 1e-300)
+    value = np.full(len(effects), spread / len(effects))
+    if within.freedom:
+        value[0] = max(within.squares / within.freedom, 1e-300)
+    return value
+
+
+def expected_information(
+    design: Floats, effects: Floats, known: Floats, within: Within, value: Floats
+) -> Floats:
+    """(effects, effects) information on the variances that such observations are expected to have.
+
+    Args:
+        design: as `restricted_likelihood` takes it.
+        effects: likewise.
+        known: likewise.
+        within: likewise; its sum of squares is not looked at.
+        value: (effects,) the variances.
+    """
+    return _information(_projection(design, effects, known, value) @ effects, within, value)
+
+
+def _projection(design: Floats, effects: Floats, known: Floats, value: Floats) -> Floats:
+    weight = np.linalg.inv(np.tensordot(value, effects, 1) + known)
+    weighted = weight @ design
+    return weight - weighted @ np.linalg.solve(design.T @ weighted, weighted.T)
+
+
+def _information(through: Floats, within: Within, value: Floats) -> Floats:
+    information = 0.5 * np.einsum("kij,lji->kl", through, through)
+    if within.freedom:
+        information[0, 0] += 0.5 * within.freedom / value[0] ** 2
+    return information
+
+
+def _score(
+    residual: Floats,
+    design: Floats,
+    effects: Floats,
+    known: Floats,
+    within: Within,
+    value: Floats,
+) -> tuple[Floats, Floats]:
+    """Derivative of the restricted log-likelihood, and its expected information."""
+    projection = _projection(design, effects, known, value)
+    projected = projection @ residual
+    through = projection @ effects
+    score = 0.5 * (
+        np.einsum("i,kij,j->k", projected, effects, projected) - np.trace(through, 0, 1, 2)
+    )
+    if within.freedom:
+        score[0] += 0.5 * (within.squares / value[0] - within.freedom) / value[0]
+    return score, _information(through, within, value)
+
+
+def _stepped(value: Floats, score: Floats, information: Floats, floor: float) -> Floats:
+    """A scoring step that takes no variance below a share of itself."""
+    try:
+        step = np.linalg.solve(information, score)
+    except np.linalg.LinAlgError:
+        step = np.linalg.lstsq(information, score, rcond=None)[0]
+    return np.maximum(np.maximum(value + step, _SHRINK * value), floor)

@@ -1,0 +1,112 @@
+"""JSON in canonical form (RFC 8785): one value, one sequence of bytes; and its careful reading.
+
+What is read may come from a stranger: its size, depth, numbers and names are bounded before and
+while it is parsed.
+"""
+
+import json
+import math
+from typing import Any, Final
+
+from estimators.errors import EvidenceError
+
+#: Bytes of a document; that of a thousand runs has about one million.
+MOST_BYTES: Final = 16 << 20
+_MOST_DEPTH: Final = 32
+#: Characters of a number: 17 digits, sign, point and exponent, and some.
+_LONGEST_NUMBER: Final = 32
+#: Whole numbers beyond it are not exact in the doubles that canonical JSON is of.
+_LARGEST_EXACT: Final = 2**53 - 1
+_OPEN, _CLOSE, _QUOTE, _ESCAPE = b"[{", b"]}", ord('"'), ord("\\")
+
+
+def canonical(value: Any) -> bytes:
+    """A JSON value in canonical form.
+
+    Raises:
+        EvidenceError: it holds what JSON cannot: NaN, infinity, a whole number beyond 2^53.
+    """
+    import rfc8785
+
+    try:
+        return rfc8785.dumps(value)
+    except rfc8785.CanonicalizationError as error:
+        raise EvidenceError(f"cannot be written as canonical JSON: {error}") from None
+
+
+def parse(data: bytes, what: str) -> Any:
+    """Parse canonical JSON of a stranger.
+
+    Args:
+        data: the bytes.
+        what: what they are, for the error.
+
+    Raises:
+        EvidenceError: too long, too deep, a number too long or too large, a name that comes twice,
+            no JSON, or not in canonical form.
+    """
+    if len(data) > MOST_BYTES:
+        raise EvidenceError(f"{what}: {len(data)} bytes are more than the {MOST_BYTES} allowed")
+    _refuse_depth(data, what)
+    try:
+        value = json.loads(
+            data.decode("utf-8"),
+            parse_int=_whole,
+            parse_float=_number,
+            parse_constant=_no_constant,
+            object_pairs_hook=_once,
+        )
+    except (ValueError, RecursionError) as error:
+        raise EvidenceError(f"{what}: is no JSON that evidence may hold: {error}") from None
+    if canonical(value) != data:
+        raise EvidenceError(f"{what}: is not in the canonical form of RFC 8785")
+    return value
+
+
+def _refuse_depth(data: bytes, what: str) -> None:
+    """Count brackets outside of texts, before a parser follows them."""
+    depth, quoted, escaped = 0, False, False
+    for byte in data:
+        if quoted:
+            if escaped:
+                escaped = False
+            elif byte == _ESCAPE:
+                escaped = True
+            elif byte == _QUOTE:
+                quoted = False
+        elif byte == _QUOTE:
+            quoted = True
+        elif byte in _OPEN:
+            depth += 1
+            if depth > _MOST_DEPTH:
+                raise EvidenceError(f"{what}: is nested deeper than {_MOST_DEPTH}")
+        elif byte in _CLOSE:
+            depth -= 1
+
+
+def _whole(text: str) -> int | float:
+    if len(text) > _LONGEST_NUMBER:
+        raise ValueError(f"a number of {len(text)} digits")
+    value = int(text)
+    # a double such as 1e20 has all its digits in canonical form
+    return value if abs(value) <= _LARGEST_EXACT else float(value)
+
+
+def _number(text: str) -> float:
+    if len(text) > _LONGEST_NUMBER:
+        raise ValueError(f"a number of {len(text)} characters")
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(f"the number {text}")
+    return value
+
+
+def _no_constant(text: str) -> float:
+    raise ValueError(f"the number {text}")
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise ValueError("a name that comes twice in one object")
+    return found

@@ -1,0 +1,150 @@
+"""Figures of a report as plain shapes: numbers in, SVG elements out, the same bytes every time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+#: Units of the drawing; on a phone one is a pixel.
+WIDTH: Final = 360
+_TICKS: Final = 5
+_TEXT: Final = 6.2
+"""Width of a letter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """An SVG element: its tag, attributes and text, which the template escapes."""
+
+    tag: str
+    attributes: dict[str, str]
+    text: str = ""
+
+
+@dataclass(slots=True)
+class Drawing:
+    """A figure.
+
+    Attributes:
+        name: of it, in ids.
+        title: what it shows, in a few words.
+        description: what a reader who cannot see it should know.
+        height: of the drawing, `WIDTH` wide.
+        shapes: in drawing order.
+    """
+
+    name: str
+    title: str
+    description: str
+    height: int
+    shapes: list[Shape] = field(default_factory=list)
+
+    def line(self, x0: float, y0: float, x1: float, y1: float, look: str) -> None:
+        """Draw a straight line."""
+        at = {"x1": _n(x0), "y1": _n(y0), "x2": _n(x1), "y2": _n(y1)}
+        self.shapes.append(Shape("line", {"class": look, **at, **_LOOKS[look]}))
+
+    def polygon(self, corners: Sequence[tuple[float, float]], look: str) -> None:
+        """Fill an area."""
+        points = " ".join(f"{_n(x)},{_n(y)}" for x, y in corners)
+        self.shapes.append(Shape("polygon", {"class": look, "points": points, **_LOOKS[look]}))
+
+    def dot(self, x: float, y: float, look: str, tip: str) -> None:
+        """Draw a point that says what it is when it is pointed at."""
+        at = {"cx": _n(x), "cy": _n(y), "r": "3.2"}
+        self.shapes.append(Shape("circle", {"class": look, **at, **_LOOKS[look]}, tip))
+
+    def bar(self, x: float, y: float, width: float, height: float, look: str) -> None:
+        """Fill a rectangle."""
+        at = {"x": _n(x), "y": _n(y), "width": _n(width), "height": _n(height)}
+        self.shapes.append(Shape("rect", {"class": look, **at, **_LOOKS[look]}))
+
+    def write(self, x: float, y: float, text: str, anchor: str = "middle") -> None:
+        """Write a text."""
+        at = {"x": _n(x), "y": _n(y), "text-anchor": anchor}
+        self.shapes.append(Shape("text", {"class": "ink", **at, **_LOOKS["ink"]}, text))
+
+
+#: Looks without a style sheet, as on paper; the report's own changes them in the dark.
+_LOOKS: Final = {
+    "ink": {"fill": "#1d2733", "font-size": "11", "font-family": "sans-serif"},
+    "axis": {"stroke": "#5b6673", "stroke-width": "1"},
+    "grid": {"stroke": "#d5dae0", "stroke-width": "0.6"},
+    "ideal": {"stroke": "#5b6673", "stroke-width": "1", "stroke-dasharray": "4 3"},
+    "band": {"fill": "#9cc4e4", "fill-opacity": "0.55", "stroke": "none"},
+    "point": {"fill": "#0b5c94", "stroke": "#0b5c94"},
+    "left": {"fill": "none", "stroke": "#a3480b", "stroke-width": "1.4"},
+    "rejected": {"fill": "none", "stroke": "#5b6673", "stroke-width": "1.2"},
+    "bar": {"fill": "#0b5c94"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """A plot's frame: from numbers to places in the drawing."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    box: tuple[float, float, float, float]
+
+    @classmethod
+    def around(
+        cls,
+        x: Sequence[float],
+        y: Sequence[float],
+        box: tuple[float, float, float, float],
+        pad: float = 0.06,
+    ) -> "Axes":
+        """Axes that hold all these numbers, with some room."""
+        return cls(_range(x, pad), _range(y, pad), box)
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """Where a pair of numbers lies."""
+        left, top, right, bottom = self.box
+        across = (x - self.x[0]) / (self.x[1] - self.x[0])
+        up = (y - self.y[0]) / (self.y[1] - self.y[0])
+        return left + across * (right - left), bottom - up * (bottom - top)
+
+    def draw(self, picture: Drawing, x_label: str, y_label: str) -> None:
+        """Draw grid, numbers and labels."""
+        left, top, right, bottom = self.box
+        for value, text in ticks(*self.x):
+            x, _ = self.place(value, self.y[0])
+            picture.line(x, top, x, bottom, "grid")
+            picture.write(x, bottom + 14, text)
+        for value, text in ticks(*self.y):
+            _, y = self.place(self.x[0], value)
+            picture.line(left, y, right, y, "grid")
+            picture.write(left - 4, y + 4, text, "end")
+        picture.line(left, bottom, right, bottom, "axis")
+        picture.line(left, top, left, bottom, "axis")
+        picture.write((left + right) / 2, bottom + 29, x_label)
+        picture.write(2, top - 8, y_label, "start")
+
+
+def ticks(low: float, high: float) -> list[tuple[float, str]]:
+    """Round numbers between two, at most about five, as texts of one length after the point."""
+    raw = (high - low) / _TICKS
+    power = 10.0 ** np.floor(np.log10(raw))
+    step = float(next(s * power for s in (1.0, 2.0, 5.0, 10.0) if s * power >= raw * 0.999))
+    digits = max(0, -int(np.floor(np.log10(step) + 1e-9)))
+    first = int(np.ceil(low / step - 1e-9))
+    last = int(np.floor(high / step + 1e-9))
+    return [(k * step, f"{k * step + 0.0:,.{digits}f}") for k in range(first, last + 1)]
+
+
+def shortened(text: str, width: float) -> str:
+    """The text, cut where it is wider than so much of the drawing."""
+    most = max(int(width / _TEXT), 4)
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def _range(values: Sequence[float], pad: float) -> tuple[float, float]:
+    low, high = min(values), max(values)
+    room = (high - low) * pad or max(abs(high) * 0.01, 1.0)
+    return low - room, high + room
+
+
+def _n(value: float) -> str:
+    return f"{value:.2f}"

@@ -1,0 +1,58 @@
+"""What a check of a bundle may find, and the exit status of each."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+
+class BundleOutcome(IntEnum):
+    """What is wrong; the value is the exit status of `payscope verify`."""
+
+    TAMPERED = 3
+    IRREPRODUCIBLE = 4
+    INCOMPLETE = 5
+    OUTSIDE = 6
+
+
+#: Which of several outcomes is the exit status: the first that was found.
+ORDER: Final = (
+    BundleOutcome.TAMPERED,
+    BundleOutcome.INCOMPLETE,
+    BundleOutcome.IRREPRODUCIBLE,
+    BundleOutcome.OUTSIDE,
+)
+_NAMES: Final = {
+    BundleOutcome.TAMPERED: "tampered",
+    BundleOutcome.IRREPRODUCIBLE: "irreproducible",
+    BundleOutcome.INCOMPLETE: "incomplete",
+    BundleOutcome.OUTSIDE: "not within limits",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class BundleFinding:
+    """Something that is wrong with a bundle.
+
+    Attributes:
+        outcome: of which kind.
+        item: the file, and the place in it.
+        what: in a few words.
+    """
+
+    outcome: BundleOutcome
+    item: str
+    what: str
+
+    @property
+    def kind(self) -> str:
+        """The outcome in words."""
+        return _NAMES[self.outcome]
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.item}: {self.what}"
+
+
+def worst(findings: list[BundleFinding]) -> BundleOutcome | None:
+    """The outcome that is the exit status; None where nothing was found."""
+    found = {each.outcome for each in findings}
+    return next((outcome for outcome in ORDER if outcome in found), None)

@@ -1,0 +1,151 @@
+"""The folder of a bundle as a stranger may have left it: names, sizes and digests, nothing run.
+
+No link is followed, no name leads outside, and every file is opened once.
+"""
+
+import hashlib
+import os
+import re
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from estimators.errors import EvidenceError
+
+EVIDENCE: Final = "evidence.json"
+READINGS: Final = "readings.parquet"
+POINTS: Final = "points.parquet"
+RECORDING: Final = "calibration.rrd"
+REPORT: Final = "report.html"
+PDF: Final = "report.pdf"
+SUMS: Final = "SHA256SUMS"
+STATEMENT: Final = "statement.dsse.json"
+RUNS: Final = "runs"
+#: Of every bundle.
+REQUIRED: Final = (EVIDENCE, READINGS, POINTS, RECORDING, REPORT)
+#: Not in SHA256SUMS: itself, and the statement, which holds its digest.
+UNLISTED: Final = (SUMS, STATEMENT)
+
+_RUN: Final = re.compile(rf"{RUNS}/[A-Za-z0-9][A-Za-z0-9._-]{{0,80}}\.rrd")
+_MOST_FILES: Final = 4096
+#: Bytes of a file that is held in memory.
+_MOST_BYTES: Final = 32 << 20
+_CHUNK: Final = 1 << 20
+_SUM: Final = re.compile(r"([0-9a-f]{64})  (\S+)")
+
+
+@dataclass(frozen=True, slots=True)
+class BundleFile:
+    """A file of a bundle.
+
+    Attributes:
+        sha256: in hexadecimal digits.
+        data: its bytes; None of a recording or a PDF, which are only hashed.
+    """
+
+    sha256: str
+    data: bytes | None
+
+
+def known(name: str) -> bool:
+    """Whether a bundle may hold a file of that name."""
+    return name in (*REQUIRED, PDF, *UNLISTED) or _RUN.fullmatch(name) is not None
+
+
+def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
+    """What lies in the folder of a bundle.
+
+    Returns:
+        Names of regular files that a bundle may hold, sorted; and (name, fault) of all else.
+
+    Raises:
+        EvidenceError: it is no folder, holds none of a bundle's files, or more entries than any.
+    """
+    if not folder.is_dir():
+        raise EvidenceError(f"{folder}: no such folder; `payscope calibrate` writes one")
+    good: list[str] = []
+    bad: list[tuple[str, str]] = []
+    for number, (name, mode) in enumerate(_entries(folder)):
+        if number >= _MOST_FILES:
+            raise EvidenceError(f"{folder}: more than {_MOST_FILES} entries are no bundle")
+        if stat.S_ISLNK(mode):
+            bad.append((name, "is a link, which no bundle has; it was not followed"))
+        elif stat.S_ISDIR(mode):
+            if name != RUNS:
+                bad.append((f"{name}/", "is a folder, which no bundle has; it was not opened"))
+        elif not stat.S_ISREG(mode):
+            bad.append((name, "is no regular file; it was not opened"))
+        elif not known(name):
+            bad.append((name, "is no file of a bundle"))
+        else:
+            good.append(name)
+    if not good and not any(name in (*REQUIRED, *UNLISTED) for name, _ in bad):
+        raise EvidenceError(f"{folder}: no evidence in this folder; `payscope calibrate` writes it")
+    return sorted(good), sorted(bad)
+
+
+def _entries(folder: Path) -> Iterator[tuple[str, int]]:
+    """Names and modes in the folder and its runs/, as they are without following a link."""
+    try:
+        for place, prefix in ((folder, ""), (folder / RUNS, f"{RUNS}/")):
+            if prefix and (place.is_symlink() or not place.is_dir()):
+                continue
+            with os.scandir(place) as entries:
+                for entry in entries:
+                    mode = entry.stat(follow_symlinks=False).st_mode
+                    yield f"{prefix}{entry.name}", mode
+    except OSError as error:
+        raise EvidenceError(f"{folder}: cannot be read ({error.strerror})") from None
+
+
+def read_file(folder: Path, name: str) -> BundleFile:
+    """Read a file that `listing` named, once, without following a link.
+
+    Raises:
+        EvidenceError: it cannot be read, or is larger than such a file may be.
+    """
+    keep = name not in (RECORDING, PDF) and not name.startswith(f"{RUNS}/")
+    digest = hashlib.sha256()
+    parts: list[bytes] = []
+    try:
+        number = os.open(folder / name, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
+        with os.fdopen(number, "rb") as file:
+            size = 0
+            while part := file.read(_CHUNK):
+                size += len(part)
+                digest.update(part)
+                if keep and size > _MOST_BYTES:
+                    raise EvidenceError(f"{name}: is larger than the {_MOST_BYTES} bytes allowed")
+                if keep:
+                    parts.append(part)
+    except OSError as error:
+        raise EvidenceError(f"{name}: cannot be read ({error.strerror})") from None
+    return BundleFile(digest.hexdigest(), b"".join(parts) if keep else None)
+
+
+def sums_text(digests: dict[str, str]) -> str:
+    """`SHA256SUMS` as `sha256sum -c` reads it."""
+    return "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
+
+
+def parse_sums(data: bytes) -> dict[str, str]:
+    """Digests by name.
+
+    Raises:
+        EvidenceError: it is not what `sums_text` writes.
+    """
+    try:
+        lines = data.decode("ascii").splitlines()
+    except UnicodeDecodeError:
+        raise EvidenceError(f"{SUMS}: is not plain text") from None
+    found: dict[str, str] = {}
+    for number, line in enumerate(lines[:_MOST_FILES], start=1):
+        match = _SUM.fullmatch(line)
+        if match is None or not known(match[2]) or match[2] in UNLISTED:
+            raise EvidenceError(f"{SUMS}: line {number} is no digest of a file of a bundle")
+        found[match[2]] = match[1]
+    if sums_text(found).encode() != data:
+        raise EvidenceError(f"{SUMS}: is not as it was written: sorted, each file once")
+    return found

@@ -1,0 +1,73 @@
+"""Started by `tables` as a process of its own: Parquet on stdin, JSON on stdout, in bounds.
+
+It imports nothing of ours, so that it can be started alone, and opens no file.
+"""
+
+import io
+import json
+import sys
+from typing import Any, Final
+
+_MOST_ROWS: Final = 100_000
+_MOST_BYTES: Final = 64 << 20
+_MOST_MEMORY: Final = 2 << 30
+_MOST_CPU_S: Final = 30
+_PLAIN: Final = {"PLAIN", "RLE", "BIT_PACKED"}
+
+
+def main() -> None:
+    """Read the tables, one after the other."""
+    data = sys.stdin.buffer.read()
+    _bound()
+    found: list[dict[str, Any]] = []
+    for asked in json.loads(sys.argv[1]):
+        part, data = data[: asked["bytes"]], data[asked["bytes"] :]
+        found.append(_read(part, [tuple(column) for column in asked["columns"]]))
+    sys.stdout.write(json.dumps(found))
+
+
+def _read(data: bytes, wanted: list[tuple[str, ...]]) -> dict[str, Any]:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        file = pq.ParquetFile(io.BytesIO(data))
+        fault = _fault(file, wanted)
+        if fault:
+            return {"fault": fault}
+        table = file.read(use_threads=False)
+        table.validate(full=True)
+        return {"columns": table.to_pydict()}
+    except (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError) as error:
+        why = (str(error) or type(error).__name__).splitlines()[0][:200]
+        return {"fault": f"is damaged ({why})"}
+
+
+def _fault(file: Any, wanted: list[tuple[str, ...]]) -> str:
+    about = file.metadata
+    if about.num_rows > _MOST_ROWS:
+        return f"has {about.num_rows} rows, more than {_MOST_ROWS}"
+    if [(field.name, str(field.type)) for field in file.schema_arrow] != wanted:
+        return "has other columns than such a table"
+    for group in range(about.num_row_groups):
+        for number in range(about.num_columns):
+            chunk = about.row_group(group).column(number)
+            coded = chunk.compression != "UNCOMPRESSED" or not _PLAIN.issuperset(chunk.encodings)
+            if coded or chunk.total_uncompressed_size > _MOST_BYTES:
+                return "is compressed or coded, which such a table never is"
+    return ""
+
+
+def _bound() -> None:
+    """Memory and time, where the system can bound them."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (_MOST_CPU_S, _MOST_CPU_S))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+if __name__ == "__main__":
+    main()

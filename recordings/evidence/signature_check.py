@@ -1,0 +1,108 @@
+"""Whether the statement of a bundle is about its files, and signed by whom it should be."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from estimators.errors import EvidenceError
+from recordings.evidence.bundle import predicate_of
+from recordings.evidence.checked import CheckedBundle, bytes_of, without
+from recordings.evidence.document import EvidenceDocument
+from recordings.evidence.findings import BundleOutcome
+from recordings.evidence.folder import EVIDENCE, STATEMENT, SUMS, BundleFile
+from recordings.evidence.signing import PREDICATE_TYPE, STATEMENT_TYPE, PublicKey, Signed, opened
+
+_UNKNOWN_KEY: Final = (
+    "no key was given: the signature only shows that whoever holds the key named in the bundle "
+    "signed it; give the signer's public key with --key"
+)
+
+
+def check_signature(
+    checked: CheckedBundle,
+    held: Mapping[str, BundleFile],
+    digests: Mapping[str, str],
+    document: EvidenceDocument | None,
+    key: PublicKey | None,
+) -> None:
+    """Who signed, and whether it is these files."""
+    named = document.signer if document is not None else None
+    if STATEMENT not in held:
+        if named is not None:
+            checked.add(
+                BundleOutcome.INCOMPLETE, STATEMENT, "is missing, and evidence.json has a signer"
+            )
+        elif key is not None:
+            checked.add(
+                BundleOutcome.INCOMPLETE, STATEMENT, "is missing: unsigned, and --key is given"
+            )
+        elif document is not None:
+            checked.notes.append(
+                "UNSIGNED: nobody vouches for this; whoever held the folder could have changed "
+                "every number and every digest in it"
+            )
+        return
+    try:
+        signed = opened(bytes_of(held, STATEMENT), STATEMENT)
+        stated = None if named is None else PublicKey.of_text(named.public_key)
+    except EvidenceError as fault:
+        checked.add(BundleOutcome.TAMPERED, STATEMENT, without(STATEMENT, fault))
+        return
+    if document is not None:
+        _check_signer(checked, signed, stated, document)
+    if key is not None and not signed.by(key):
+        checked.add(
+            BundleOutcome.TAMPERED, STATEMENT, f"is not signed by the key {key.key_id[:12]}… given"
+        )
+    if key is None:
+        checked.notes.append(_UNKNOWN_KEY)
+        if stated is not None and not signed.by(stated):
+            checked.add(
+                BundleOutcome.TAMPERED, STATEMENT, "its signature is not by the key it names"
+            )
+    _check_statement(checked, signed, held, digests, document)
+
+
+def _check_signer(
+    checked: CheckedBundle, signed: Signed, stated: PublicKey | None, document: EvidenceDocument
+) -> None:
+    """Whether envelope and evidence name one key."""
+    if stated is None or document.signer is None:
+        checked.add(
+            BundleOutcome.TAMPERED, EVIDENCE, "signer: names nobody, and there is a signature"
+        )
+    elif not stated.key_id == document.signer.key_id == signed.key_id:
+        checked.add(
+            BundleOutcome.TAMPERED, EVIDENCE, "signer.key_id: is not that of the signature's key"
+        )
+
+
+def _check_statement(
+    checked: CheckedBundle,
+    signed: Signed,
+    held: Mapping[str, BundleFile],
+    digests: Mapping[str, str],
+    document: EvidenceDocument | None,
+) -> None:
+    """Whether the statement is about these files."""
+    said = signed.statement
+    if said.get("_type") != STATEMENT_TYPE or said.get("predicateType") != PREDICATE_TYPE:
+        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is a statement of another kind")
+    wanted: dict[str, Any] = dict(digests)
+    if SUMS in held:
+        wanted[SUMS] = held[SUMS].sha256
+    subjects = said.get("subject")
+    found: dict[str, Any] = {}
+    for each in subjects if isinstance(subjects, list) else []:
+        if isinstance(each, dict) and isinstance(each.get("name"), str):
+            found[each["name"]] = each.get("digest")
+    for name in sorted(set(found) | set(wanted)):
+        if name not in found:
+            checked.add(BundleOutcome.TAMPERED, name, "was not there when the bundle was signed")
+        elif name not in wanted:
+            checked.add(
+                BundleOutcome.INCOMPLETE, name, "is missing, and was there when it was signed"
+            )
+        elif found[name] != {"sha256": wanted[name]}:
+            checked.add(BundleOutcome.TAMPERED, name, "is not the file that was signed")
+    if document is not None and said.get("predicate") != predicate_of(document):
+        checked.add(BundleOutcome.TAMPERED, STATEMENT, "is about other evidence than evidence.json")

@@ -1,0 +1,121 @@
+"""The tables of a bundle as Parquet, and the careful reading of a stranger's.
+
+A few bytes of Parquet can ask for gigabytes, and Arrow's reader ends the whole process on some
+damaged files. So ours are neither compressed nor coded, and another process with bounds reads them.
+"""
+
+import io
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import polars as pl
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+_READER: Final = Path(__file__).with_name("parquet_process.py")
+_PATIENCE_S: Final = 60.0
+_MOST_OUTPUT: Final = 256 << 20
+
+Schema = Mapping[str, type[pl.DataType]]
+
+
+def write_table(frame: pl.DataFrame) -> bytes:
+    """A frame as Parquet: not compressed, no dictionaries."""
+    import pyarrow.parquet as pq
+
+    buffer = io.BytesIO()
+    pq.write_table(
+        _plain(frame),
+        buffer,
+        compression="none",
+        use_dictionary=False,
+        write_statistics=False,
+        store_schema=False,
+    )
+    return buffer.getvalue()
+
+
+@dataclass(frozen=True, slots=True)
+class StrangeTable:
+    """A table of a stranger.
+
+    Attributes:
+        data: its bytes.
+        schema: the columns that it must have, in order.
+    """
+
+    data: bytes
+    schema: Schema
+
+
+def read_tables(tables: Sequence[StrangeTable]) -> list[pl.DataFrame | str]:
+    """Read what `write_table` wrote, of a stranger.
+
+    Returns:
+        The frame of each; or its fault: other columns, compressed or coded, too many rows, a number
+        that is not finite, or damaged.
+    """
+    said = _read(tables)
+    if said is None and len(tables) > 1:  # one of them ended the reader: which?
+        return [each for table in tables for each in read_tables([table])]
+    if said is None:
+        return ["is damaged so that no reader survives it"]
+    return [_frame(each, table.schema) for each, table in zip(said, tables, strict=True)]
+
+
+def _read(tables: Sequence[StrangeTable]) -> list[dict[str, Any]] | None:
+    """What the reader's process says of each; None where it ended without a word."""
+    asked = [
+        {
+            "bytes": len(table.data),
+            "columns": [
+                [field.name, str(field.type)]
+                for field in _plain(pl.DataFrame(schema=table.schema)).schema
+            ],
+        }
+        for table in tables
+    ]
+    # the process writes JSON, and is told nothing but what columns to expect
+    child = subprocess.Popen(
+        [sys.executable, "-I", str(_READER), json.dumps(asked)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        out, _ = child.communicate(b"".join(t.data for t in tables), timeout=_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        child.communicate()
+        return None
+    return None if child.returncode or len(out) > _MOST_OUTPUT else json.loads(out)
+
+
+def _frame(said: dict[str, Any], schema: Schema) -> pl.DataFrame | str:
+    if "fault" in said:
+        return str(said["fault"])
+    columns: dict[str, list[Any]] = said["columns"]
+    for values in columns.values():
+        if any(isinstance(v, float) and not math.isfinite(v) for v in values):
+            return "holds a number that is not finite"
+    return pl.DataFrame(columns, schema=dict(schema))
+
+
+def _plain(frame: pl.DataFrame) -> "pa.Table":
+    """The frame as Arrow of plain types."""
+    import pyarrow as pa
+
+    table = frame.to_arrow()
+    texts = (pa.types.is_large_string, pa.types.is_string_view)
+    fields = [
+        pa.field(f.name, pa.string() if any(is_text(f.type) for is_text in texts) else f.type)
+        for f in table.schema
+    ]
+    return table.cast(pa.schema(fields))

@@ -1,0 +1,121 @@
+"""`payscope calibrate`: a machine calibrated from its own logs, with evidence."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from replay.calibrate import Calibrated
+
+
+def command(
+    source: Annotated[Path, typer.Argument(help="Campaign file; with --check, the log.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of evidence to write.")],
+    key: Annotated[
+        Path | None,
+        typer.Option(
+            help="Private Ed25519 key (PEM) that signs; else PAYSCOPE_SIGNING_KEY may hold one."
+        ),
+    ] = None,
+    previous: Annotated[
+        Path | None, typer.Option(help="Evidence of this machine before this one.")
+    ] = None,
+    recordings: Annotated[
+        bool, typer.Option("--recordings", help="Keep the recording of each log's replay.")
+    ] = False,
+    check: Annotated[
+        float | None,
+        typer.Option(
+            "--check", metavar="REF_KG", min=0, help="Check --previous against REF_KG on board."
+        ),
+    ] = None,
+    check_u: Annotated[
+        float, typer.Option(metavar="KG", min=0, help="Standard uncertainty of REF_KG.")
+    ] = 0.0,
+    certificate: Annotated[str, typer.Option(help="Certificate of REF_KG.")] = "",
+    day: Annotated[
+        str | None, typer.Option(metavar="DATE", help="Day of the log, if it has no date.")
+    ] = None,
+    force: Annotated[bool, typer.Option(help="Replace evidence that is there.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Replay a campaign's runs, fit the line to reference masses, and write evidence of it.
+
+    Exit status 1 where there is no line, a limit is not kept, or a check finds drift.
+    """
+    from replay.calibrate import calibrate
+    from replay.check_mass import Known, check_mass
+    from replay.commands.printing import console, print_json
+    from replay.commands.progress import Stages
+
+    if check is None and (check_u or certificate or day):
+        raise typer.BadParameter("--check-u, --certificate and --day are of --check")
+    if check is not None and previous is None:
+        raise typer.BadParameter("--check needs --previous, the evidence that it checks")
+    with Stages(1) as stages:
+        if check is not None and previous is not None:
+            known = Known(check, check_u, certificate, day)
+            made = check_mass(source, known, output, previous=previous, key_file=key, force=force)
+        else:
+            made = calibrate(
+                source,
+                output,
+                key_file=key,
+                previous=previous,
+                recordings=recordings,
+                force=force,
+                on_log=stages.begin,
+            )
+    if as_json:
+        print_json(made.to_dict())
+    else:
+        _print(console(), made)
+    if not made.good:
+        raise typer.Exit(1)
+
+
+def _print(screen: "Console", made: "Calibrated") -> None:
+    from recordings.evidence.report import facts, kilograms
+    from recordings.evidence.words import in_words
+    from replay.commands.printing import plain_table, print_line, print_table
+
+    table = plain_table(
+        *("run", "load", "reference kg", "readings", "estimate kg", "calibrated kg", "error kg"),
+        "left out kg",
+    )
+    for row in made.points.iter_rows(named=True):
+        numbers = ("mean_kg", "calibrated_kg", "error_kg", "error_left_out_kg")
+        table.add_row(
+            row["run_id"],
+            row["load_id"],
+            kilograms(row["reference_kg"]),
+            str(row["readings"]),
+            *(kilograms(row[name]) for name in numbers),
+        )
+    print_table(screen, table)
+    for row in made.rejected.iter_rows(named=True):
+        print_line(screen, f"left out: {row['run_id']}, reading {row['reading']}: {row['reason']}")
+    screen.print()
+    for name, value in facts(made.document):
+        if name != "made":
+            print_line(screen, f"{name}: {value}")
+    screen.print()
+    for sentence in in_words(made.document, made.readings, made.points):
+        print_line(screen, sentence)
+    for remark in made.remarks:
+        print_line(screen, f"note: {remark}")
+    signer = made.document.signer
+    if signer is None:
+        print_line(
+            screen,
+            "UNSIGNED: nobody vouches for this evidence; sign it with --key KEY.pem",
+            "[bold red]!![/] ",
+        )
+    else:
+        print_line(screen, f"signed by {signer.name or 'no name'}, key {signer.key_id[:12]}…")
+    if made.document.chain.previous is None:
+        print_line(screen, "number 1 of this machine's evidence; --previous chains it to another")
+    print_line(screen, f"evidence: {made.folder}")

@@ -1,0 +1,239 @@
+"""The command `verify`: a bundle checked by itself, and against its logs."""
+
+import hashlib
+import os
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+
+from estimators.errors import EvidenceError, PayscopeError, counted
+from recordings.evidence.checked import CheckedBundle
+from recordings.evidence.checks import check_bundle
+from recordings.evidence.document import EvidenceDocument, EvidenceLog
+from recordings.evidence.findings import BundleFinding, BundleOutcome, worst
+from recordings.evidence.folder import EVIDENCE, READINGS
+from recordings.evidence.signing import public_key
+from recordings.evidence.words import unseen
+
+_MOST_ENTRIES: Final = 100_000
+_DEEPEST: Final = 8
+_MOST_NAMED: Final = 10
+#: Numbers of a reading, and the texts that must be equal.
+_NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
+_TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
+
+
+@dataclass(frozen=True, slots=True)
+class Verified:
+    """What a verification came to.
+
+    Attributes:
+        folder: the bundle.
+        findings: what is wrong, each with its item.
+        notes: what a reader should know besides.
+        done: what was checked, in words.
+        unseen: what no check can find.
+    """
+
+    folder: Path
+    findings: tuple[BundleFinding, ...]
+    notes: tuple[str, ...]
+    done: tuple[str, ...]
+    unseen: tuple[str, ...]
+
+    @property
+    def outcome(self) -> BundleOutcome | None:
+        """The exit status; None where nothing is wrong."""
+        return worst(list(self.findings))
+
+    @property
+    def verdict(self) -> str:
+        """The outcome in a sentence."""
+        outcome = self.outcome
+        if outcome is None:
+            return f"{self.folder}: all that was checked holds"
+        kind = next(each.kind for each in self.findings if each.outcome is outcome)
+        return f"{self.folder}: {kind.upper()} ({counted(len(self.findings), 'finding')})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain values."""
+        return {
+            "folder": str(self.folder),
+            "outcome": 0 if self.outcome is None else int(self.outcome),
+            "findings": [
+                {"kind": each.kind, "item": each.item, "what": each.what} for each in self.findings
+            ],
+            "notes": list(self.notes),
+            "checked": list(self.done),
+            "no_check_can_find": list(self.unseen),
+        }
+
+
+def verify(
+    folder: Path,
+    *,
+    logs: Path | None = None,
+    key_file: Path | None = None,
+    previous: Path | None = None,
+) -> Verified:
+    """Check a bundle.
+
+    Args:
+        folder: the bundle; nothing in it is run, no link followed.
+        logs: where its logs are; all are replayed and compared. They are found by their digests.
+        key_file: the public key of whose signature is asked for.
+        previous: the machine's evidence before it.
+
+    Raises:
+        EvidenceError: no such folder, or a key that cannot be read.
+    """
+    key = None if key_file is None else public_key(key_file)
+    if logs is not None and not logs.is_dir():
+        raise EvidenceError(f"{logs}: no such folder; name the folder with the logs")
+    checked = check_bundle(folder, key, previous)
+    document = checked.document
+    done = _done(checked, key is not None, previous is not None)
+    if logs is not None and document is not None and checked.readings is not None:
+        _replay(checked, document, checked.readings, logs)
+        done.append(f"{counted(len(document.logs), 'log')} replayed and every reading compared")
+    elif document is not None:
+        checked.notes.append(
+            "the logs were not replayed: that the readings are theirs, only --logs shows"
+        )
+    return Verified(
+        folder,
+        tuple(checked.findings),
+        tuple(checked.notes),
+        tuple(done),
+        () if document is None else tuple(unseen(document)),
+    )
+
+
+def _done(checked: CheckedBundle, keyed: bool, chained: bool) -> list[str]:
+    """What a check of the folder itself looked at."""
+    done = ["names and digests of every file; nothing in the folder was run"]
+    if checked.document is not None:
+        done.append("the schema of evidence.json")
+        done += ["the signature, by the key given"] if keyed else []
+        done += ["the chain, to the evidence before"] if chained else []
+    if checked.readings is not None:
+        done.append("fit, budget, limits, points, report and each reason, computed anew")
+    return done
+
+
+def _replay(
+    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, folder: Path
+) -> None:
+    """Replay every log, and compare reading by reading."""
+    paths: dict[str, Path] = {}
+    found = _files_by_name(folder, {file.name for log in document.logs for file in log.files})
+    for log in document.logs:
+        path = _path_of(checked, log, found)
+        if path is not None:
+            paths[log.log] = path
+    if len(paths) < len(document.logs):
+        return
+    # the estimators are slow to import, and only a replay needs them
+    from replay.campaign_runs import replay_runs
+
+    try:
+        replayed = replay_runs(document.campaign, document.machine, lambda log: paths[log])
+    except PayscopeError as fault:
+        checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
+        return
+    _compare(checked, document, stored, replayed.readings)
+    for kept, anew in zip(document.logs, replayed.logs, strict=True):
+        item = f"{EVIDENCE}: logs: {kept.log}"
+        if (kept.can_weigh, kept.failed_checks) != (anew.can_weigh, anew.failed_checks):
+            checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay gives another verdict")
+        if kept.settings_fingerprint != anew.settings_fingerprint:
+            checked.add(BundleOutcome.IRREPRODUCIBLE, item, "was replayed with other settings")
+        elif kept.results_fingerprint != anew.results_fingerprint:
+            checked.notes.append(
+                f"{kept.log}: the frames of its replay differ in their last bits, as other "
+                "processors and libraries make them"
+            )
+
+
+def _compare(
+    checked: CheckedBundle, document: EvidenceDocument, stored: pl.DataFrame, anew: pl.DataFrame
+) -> None:
+    """Reading by reading, within the declared tolerance."""
+    if stored.height != anew.height:
+        what = f"has {stored.height} readings, and the replay gives {anew.height}"
+        checked.add(BundleOutcome.IRREPRODUCIBLE, READINGS, what)
+        return
+    tolerance = document.replay_tolerance_kg
+    wrong = 0
+    for kept, now in zip(stored.iter_rows(named=True), anew.iter_rows(named=True), strict=True):
+        differing = [name for name in _TEXTS if kept[name] != now[name]]
+        differing += [name for name in _NUMBERS if not _near(kept[name], now[name], tolerance)]
+        if differing:
+            wrong += 1
+            if wrong <= _MOST_NAMED:
+                item = f"{READINGS}: run '{kept['run_id']}', reading {kept['reading']}"
+                what = f"the replay gives another {', '.join(differing)}"
+                checked.add(BundleOutcome.IRREPRODUCIBLE, item, what)
+    if wrong > _MOST_NAMED:
+        checked.add(
+            BundleOutcome.IRREPRODUCIBLE, READINGS, f"and {wrong - _MOST_NAMED} readings more"
+        )
+
+
+def _near(kept: float | None, now: float | None, tolerance: float) -> bool:
+    if kept is None or now is None:
+        return kept is now
+    return abs(kept - now) <= tolerance
+
+
+def _path_of(checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Path]]) -> Path | None:
+    """Where a log is: its files, by name and digest, all in one folder."""
+    item = f"logs: {log.log}"
+    places: list[Path] | None = None
+    for file in log.files:
+        named = found.get(file.name, [])
+        same = [path.parent for path in named if _digest(path) == file.sha256]
+        if not same:
+            if named:
+                what = f"'{file.name}' is not the file of the evidence"
+                checked.add(BundleOutcome.TAMPERED, item, what)
+            else:
+                what = f"'{file.name}' is not in the folder of logs"
+                checked.add(BundleOutcome.INCOMPLETE, item, what)
+            return None
+        places = same if places is None else [place for place in places if place in same]
+    if not places:
+        checked.add(BundleOutcome.INCOMPLETE, item, "its files are not together in one folder")
+        return None
+    # a rosbag2 directory is opened as a whole; its folder may have another name now
+    name = log.files[0].name
+    is_file = len(log.files) == 1 and Path(log.log).name == name
+    return places[0] / name if is_file else places[0]
+
+
+def _files_by_name(folder: Path, wanted: set[str]) -> dict[str, list[Path]]:
+    """Regular files of these names in a folder and those in it; no link is followed."""
+    found: dict[str, list[Path]] = {}
+    for number, entry in enumerate(_walk(folder, 0)):
+        if number >= _MOST_ENTRIES:
+            raise EvidenceError(f"{folder}: more than {_MOST_ENTRIES} entries; name a smaller one")
+        if entry.name in wanted and stat.S_ISREG(entry.stat(follow_symlinks=False).st_mode):
+            found.setdefault(entry.name, []).append(Path(entry.path))
+    return found
+
+
+def _walk(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
+    with os.scandir(folder) as entries:
+        for entry in sorted(entries, key=lambda each: each.name):
+            yield entry
+            if depth < _DEEPEST and entry.is_dir(follow_symlinks=False):
+                yield from _walk(Path(entry.path), depth + 1)
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,246 @@
+"""Bundles made to harm whoever checks them: nothing is run, followed, or read beyond its bounds."""
+
+import json
+import os
+import pickle
+import shutil
+from pathlib import Path
+
+import pytest
+
+from estimators.errors import EvidenceError
+from recordings.evidence.findings import BundleOutcome
+from recordings.evidence.folder import EVIDENCE, READINGS, REPORT, STATEMENT, SUMS, sums_text
+from recordings.evidence.tables import StrangeTable, read_tables
+from replay.calibrate import calibrate
+from replay.verify import Verified, verify
+from tests.replay.attacker import Bundle, tampered
+from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge_campaign import campaign_folder
+
+
+@pytest.fixture(scope="module")
+def genuine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("hostile")
+    calibrate(campaign_folder(folder / "campaign"), folder / "evidence")
+    return folder / "evidence"
+
+
+def changed(genuine: Path, tmp_path: Path, name: str, data: bytes) -> Verified:
+    folder = Path(shutil.copytree(genuine, tmp_path / "b"))
+    (folder / name).write_bytes(data)
+    return verify(folder)
+
+
+def said(found: Verified) -> str:
+    return "\n".join(map(str, found.findings))
+
+
+@pytest.mark.parametrize(
+    ("data", "what"),
+    [
+        (b"[" * 100_000, "nested deeper"),
+        (b'{"a":' * 40 + b"1" + b"}" * 40, "nested deeper"),
+        (b'{"a":' + b"9" * 5000 + b"}", "a number of 5000 digits"),
+        (b'{"a":1e' + b"9" * 5000 + b"}", "a number of 5002 characters"),
+        (b'{"a":1e999}', "the number 1e999"),
+        (b'{"a":NaN}', "the number NaN"),
+        (b'{"a":1,"a":2}', "a name that comes twice"),
+        (b'{"b":1,"a":2}', "not in the canonical form"),
+        (b'{"a":1.0}', "not in the canonical form"),
+        (b'{"a":"\xff"}', "no JSON"),
+        (b'{"a":"\\ud800"}', "canonical"),
+        (b"", "no JSON"),
+        (pickle.dumps({"a": 1}), "no JSON"),
+        (b" " * ((16 << 20) + 1), "are more than"),
+        (b'{"a":1}', "which its schema refuses"),
+        (b"[]", "which its schema refuses"),
+    ],
+)
+def test_json_beyond_its_bounds_is_refused(
+    genuine: Path, tmp_path: Path, data: bytes, what: str
+) -> None:
+    found = changed(genuine, tmp_path, EVIDENCE, data)
+    assert found.outcome is BundleOutcome.TAMPERED
+    assert what in said(found)
+
+
+def test_the_statement_is_read_with_the_same_care(genuine: Path, tmp_path: Path) -> None:
+    for number, data in enumerate(
+        (
+            b"[" * 100_000,
+            b"{}",
+            b'{"payload":"","payloadType":"x","signatures":[]}',
+            b'{"payload":1,"payloadType":"application/vnd.in-toto+json","signatures":[1]}',
+        )
+    ):
+        place = tmp_path / str(number)
+        place.mkdir()
+        assert STATEMENT in said(changed(genuine, place, STATEMENT, data))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "0" * 64 + "  ../../etc/passwd\n",
+        "0" * 64 + "  /etc/passwd\n",
+        "0" * 64 + "  runs/../../x.rrd\n",
+        "0" * 64 + "  report.html \n",
+        "zz\n",
+        "0" * 64 + " *report.html\n",
+    ],
+)
+def test_names_that_lead_outside_are_refused(genuine: Path, tmp_path: Path, line: str) -> None:
+    sums = (genuine / SUMS).read_bytes() + line.encode()
+    found = changed(genuine, tmp_path, SUMS, sums)
+    assert "is no digest of a file of a bundle" in said(found)
+
+
+def test_no_link_is_followed(genuine: Path, tmp_path: Path) -> None:
+    for name in (EVIDENCE, REPORT, READINGS, SUMS):
+        folder = Path(shutil.copytree(genuine, tmp_path / name))
+        (folder / name).unlink()
+        (folder / name).symlink_to(genuine / name)
+        found = verify(folder)
+        assert found.outcome is BundleOutcome.TAMPERED
+        assert f"{name}: is a link" in said(found)
+    folder = Path(shutil.copytree(genuine, tmp_path / "runs-link"))
+    (folder / "runs").symlink_to("/etc")
+    assert "runs: is a link" in said(verify(folder))
+
+
+def test_a_pipe_is_not_waited_for(genuine: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(genuine, tmp_path / "b"))
+    (folder / REPORT).unlink()
+    os.mkfifo(folder / REPORT)
+    assert "is no regular file" in said(verify(folder))
+
+
+def test_a_file_too_large_is_not_held(genuine: Path, tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(genuine, tmp_path / "b"))
+    with (folder / REPORT).open("wb") as file:
+        file.truncate(40 << 20)
+    assert "is larger than" in said(verify(folder))
+
+
+def test_more_entries_than_any_bundle_are_refused(tmp_path: Path, genuine: Path) -> None:
+    folder = Path(shutil.copytree(genuine, tmp_path / "b"))
+    for number in range(4200):
+        (folder / f"{number}.txt").touch()
+    with pytest.raises(EvidenceError, match="more than 4096 entries"):
+        verify(folder)
+
+
+def test_a_folder_without_evidence_is_bad_input(payscope: Payscope, tmp_path: Path) -> None:
+    (tmp_path / "note.txt").touch()
+    one_line(payscope("verify", tmp_path), "no evidence in this folder")
+    one_line(payscope("verify", tmp_path / "none"), "no such folder")
+
+
+def test_tables_are_read_by_another_process_that_may_die() -> None:
+    import io
+
+    import polars as pl
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from analysis.calibration.readings import READINGS as COLUMNS
+    from recordings.evidence.tables import write_table
+
+    row = dict.fromkeys(COLUMNS, None) | {"run_id": "a", "reading": 1, "used": False}
+    frame = pl.DataFrame([row], schema=COLUMNS)
+    data = write_table(frame)
+    (back,) = read_tables([StrangeTable(data, COLUMNS)])
+    assert isinstance(back, pl.DataFrame)
+    assert back.equals(frame)
+    bomb = io.BytesIO()
+    pq.write_table(pa.table({"run_id": ["x" * 1000] * 1000}), bomb, compression="zstd")
+    found = read_tables(
+        [
+            StrangeTable(data[:200] + bytes([data[200] ^ 255]) + data[201:], COLUMNS),
+            StrangeTable(bomb.getvalue(), {"run_id": pl.String}),
+            StrangeTable(data, {"run_id": pl.String}),
+            StrangeTable(b"PAR1" * 100, COLUMNS),
+            StrangeTable(pickle.dumps([1]), COLUMNS),
+        ]
+    )
+    assert all(isinstance(each, str) for each in found[1:]), found
+    assert found[1] == "is compressed or coded, which such a table never is"
+    assert found[2] == "has other columns than such a table"
+
+
+@pytest.mark.slow
+def test_no_flipped_byte_of_a_table_ends_the_check(genuine: Path) -> None:
+    from analysis.calibration.readings import READINGS as COLUMNS
+
+    whole = (genuine / READINGS).read_bytes()
+    for first in range(0, len(whole), 64):
+        tables: list[StrangeTable] = []
+        for place in range(first, min(first + 64, len(whole)), 4):
+            data = bytearray(whole)
+            data[place] ^= 1 << place % 8
+            tables.append(StrangeTable(bytes(data), COLUMNS))
+        assert len(read_tables(tables)) == len(tables)
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("campaign", "masses", 0, "value_kg"), 1e-300),
+        (("calibration", "c1_1"), 0.0),
+        (("calibration", "range_kg"), [1e300, -1e300]),
+        (("calibration", "centre_kg"), 1e308),
+        (("calibration", "budget_at"), [0.0, 0]),
+        (("calibration", "points"), []),
+        (("calibration", "components"), []),
+        (("calibration", "budget"), []),
+        (("references",), [{"load_id": "x", "reference_kg": 1, "u_kg": 1}]),
+        (("reference_covariance_kg2",), []),
+        (("machine", "machine", "empty_mass_u_kg"), None),
+        (("campaign", "campaign", "title"), "<script>alert(1)</script>\u202e"),
+    ],
+)
+def test_numbers_that_break_a_step_are_findings_and_no_traceback(
+    genuine: Path, tmp_path: Path, place: tuple[str | int, ...], value: object
+) -> None:
+    def tamper(bundle: Bundle) -> None:
+        inside = bundle.evidence
+        for name in place[:-1]:
+            inside = inside[name]  # pyright: ignore
+        inside[place[-1]] = value  # pyright: ignore
+
+    folder = Path(shutil.copytree(genuine, tmp_path / "b"))
+    evidence = json.loads((folder / EVIDENCE).read_bytes())
+    bundle = Bundle(folder, evidence, None, None)  # pyright: ignore
+    tamper(bundle)
+    from recordings.evidence.canonical import canonical
+
+    (folder / EVIDENCE).write_bytes(canonical(evidence))
+    found = verify(folder)
+    assert found.outcome is BundleOutcome.TAMPERED
+    assert all(finding.item for finding in found.findings)
+
+
+def test_what_a_log_or_a_name_says_is_text_in_the_report(genuine: Path, tmp_path: Path) -> None:
+    nasty = "</td><script>alert('x')</script><img src=x onerror=y>"
+
+    def tamper(bundle: Bundle) -> None:
+        bundle.evidence["campaign"]["campaign"]["title"] = nasty
+        bundle.evidence["campaign"]["campaign"]["remark"] = nasty
+        bundle.evidence["campaign"]["machine"]["parts"][nasty] = nasty
+        bundle.evidence["logs"][0]["notes"] = [nasty]
+
+    folder = tampered(_signed(genuine, tmp_path), tmp_path / "b", tamper, signed=False)
+    page = (folder / REPORT).read_text(encoding="utf-8")
+    assert "&lt;script&gt;" in page
+    assert "<script" not in page
+    assert "<img" not in page
+    assert not verify(folder).findings
+
+
+def _signed(genuine: Path, tmp_path: Path) -> Path:
+    """The same with a statement, which `tampered` takes off again."""
+    folder = Path(shutil.copytree(genuine, tmp_path / "signed"))
+    (folder / STATEMENT).write_bytes(b"{}")
+    assert sums_text({}) == ""
+    return folder

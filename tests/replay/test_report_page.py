@@ -1,0 +1,106 @@
+"""The report in a real browser: one file, nothing asked of anybody, readable by everybody."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recordings.evidence.folder import REPORT
+from replay.calibrate import calibrate
+from tests.replay.sledge_campaign import campaign_folder
+
+PHONE, DESK = 380, 1280
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    campaign = campaign_folder(folder / "campaign", extra='excluded = "wheel slip"\n')
+    calibrate(campaign, folder / "evidence")
+    return folder / "evidence" / REPORT
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    found = shutil.which("chromium")
+    if found is None:
+        pytest.skip("chromium: not installed (Debian package chromium)")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=found, args=["--no-sandbox", "--disable-gpu"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium: Any, page_file: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
+    """The page, what it asked for and what it complained of."""
+    width, scheme = request.param
+    context = chromium.new_context(
+        viewport={"width": width, "height": 800}, color_scheme=scheme, offline=True
+    )
+    page = context.new_page()
+    page.asked, page.complaints = [], []
+    page.on("request", lambda request: page.asked.append(request.url))
+    page.on("console", lambda message: page.complaints.append(message.text))
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.goto(page_file.as_uri())
+    yield page
+    context.close()
+
+
+SCREENS = [(PHONE, "light"), (PHONE, "dark"), (DESK, "light"), (DESK, "dark")]
+
+
+@pytest.mark.parametrize("opened", SCREENS, indirect=True, ids=lambda s: f"{s[0]} {s[1]}")
+def test_the_page_needs_nothing_complains_of_nothing_and_is_accessible(
+    opened: Any, page_file: Path
+) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    assert opened.asked == [page_file.as_uri()]
+    found = Axe().run(opened).response["violations"]
+    serious = [each["id"] for each in found if each["impact"] in ("serious", "critical")]
+    assert not serious
+    assert not opened.complaints
+
+
+@pytest.mark.parametrize("opened", [(PHONE, "light")], indirect=True)
+def test_on_a_phone_the_page_scrolls_down_only_and_its_texts_can_be_read(opened: Any) -> None:
+    assert opened.evaluate("document.documentElement.scrollWidth") <= PHONE
+    # of a figure as it is on the screen
+    smallest = opened.evaluate(
+        """Math.min(...[...document.querySelectorAll("svg text")]
+           .map(text => text.getBoundingClientRect().height))"""
+    )
+    assert smallest >= 10.0
+    # nothing of a figure is cut off
+    cut = opened.evaluate(
+        """[...document.querySelectorAll("svg")].flatMap(svg => {
+           const edge = svg.getBoundingClientRect();
+           return [...svg.querySelectorAll("text")].filter(text => {
+             const box = text.getBoundingClientRect();
+             return box.left < edge.left - 1 || box.right > edge.right + 1
+               || box.bottom > edge.bottom + 1 }).map(text => text.textContent) })"""
+    )
+    assert cut == []
+
+
+@pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
+def test_every_table_and_figure_has_a_name(opened: Any) -> None:
+    assert opened.evaluate(
+        'document.querySelectorAll("table").length == document.querySelectorAll("caption").length'
+    )
+    figures = opened.evaluate(
+        '[...document.querySelectorAll("svg")].map(s => s.querySelector("title").textContent)'
+    )
+    assert figures[0] == "Calibrated against reference mass"
+    assert len(figures) == 4
+    text = opened.evaluate("document.body.innerText")
+    assert "UNSIGNED" in text
+    assert "excluded: wheel slip" in text
