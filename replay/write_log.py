@@ -8,7 +8,10 @@ from analysis.simulation import SimulatedLog
 from estimators.errors import OutputError
 from recordings.output import staged
 from replay.truth import truth_path, write_truth
-from replay.writers.formats import write_bag, write_csv, write_mcap, write_rosbag2
+from replay.writers.bag import write_bag
+from replay.writers.mcap import write_mcap
+from replay.writers.rosbag2 import write_rosbag2
+from replay.writers.table import write_csv
 
 #: A rosbag2 directory has no suffix.
 WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {
