@@ -45,9 +45,7 @@ def _scatter(rows: Bytes, size: int, begins: Ints, target: Bytes) -> None:
         copy(rows, number * size, target, begins[number], size)
 
 
-def in_order(
-    topics: Sequence[RecordedTopic], block_rows: int = BLOCK_ROWS
-) -> Iterator[RecordBlock]:
+def in_order(topics: Sequence[RecordedTopic]) -> Iterator[RecordBlock]:
     """All messages by log time; what was recorded at the same time in the order of the topics."""
     times = np.concatenate([np.empty(0, np.int64), *(topic.log_time_ns for topic in topics)])
     sizes = [topic.log_time_ns.size for topic in topics]

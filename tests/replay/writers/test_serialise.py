@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from random import Random
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from rosbags.typesys.store import Typestore
 from replay.decoding.wire import CDR, ROS1
 from replay.writers.columns import Column, Ragged
 from replay.writers.serialise import SameLayout, serialise
-from tests.replay.decoding.random_types import Sample, Types, types
+from tests.replay.decoding.random_types import Sample, Types, random_message, types
 
 TYPES = int(os.environ.get("PAYSCOPE_RANDOM_TYPES", "35"))
 RANDOM_TYPES = settings(
@@ -51,8 +52,8 @@ def _column(store: Typestore, description: Any, values: Sequence[Any]) -> Column
     return Ragged(lengths, _column(store, element, inside))
 
 
-def _dtype(detail: Any) -> str:
-    return {"byte": "int8", "char": "uint8", "octet": "uint8"}.get(detail[0], detail[0])
+def _dtype(detail: tuple[str, int]) -> str:
+    return {"byte": "int8", "char": "uint8"}.get(detail[0], detail[0])
 
 
 def messages_of(made: Sequence[SameLayout], count: int) -> list[bytes]:
@@ -81,10 +82,6 @@ def test_messages_of_a_random_type_are_those_of_rosbags(
 @pytest.mark.parametrize("name", IN_USE)
 @pytest.mark.parametrize("release", [Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE])
 def test_messages_of_the_types_in_use_are_those_of_rosbags(release: Stores, name: str) -> None:
-    from random import Random
-
-    from tests.replay.decoding.random_types import random_message
-
     store, rng = get_typestore(release), Random(7)
     ros1 = release is Stores.ROS1_NOETIC
     values = [random_message(store, name, rng) for _ in range(40)]
