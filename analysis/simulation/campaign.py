@@ -5,6 +5,7 @@ A trial is what a scenario calls a run: the manoeuvres of `campaign.manoeuvres`,
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import polars as pl
 
@@ -35,8 +36,7 @@ class SimulatedLog:
             unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not);
             `load_kg mass_kg coulomb_N` where it begins, `load_end_kg` where it brakes, and of a
             start its `direction` and its share of full `throttle`.
-        noise_free: the motion every period of `sensors.rate_hz` from the log's beginning on:
-            `time_ns` (unix) and the fields of `Channels`.
+        timeline: the motion without noise, at any time.
         phase_s: when each topic is first sampled, in s since the log's beginning.
     """
 
@@ -45,8 +45,20 @@ class SimulatedLog:
     topics: Mapping[str, pl.DataFrame]
     trials: pl.DataFrame
     manoeuvres: pl.DataFrame
-    noise_free: pl.DataFrame
+    timeline: Timeline
     phase_s: Mapping[str, float]
+
+    @cached_property
+    def noise_free(self) -> pl.DataFrame:
+        """The motion every period of `sensors.rate_hz` from the log's beginning on.
+
+        `time_ns` (unix) and the fields of `Channels`.
+        """
+        time_ns = instants_ns(self.timeline, self.scenario.sensors.rate_hz, 0.0)
+        now = self.timeline.sample(time_ns)
+        return pl.DataFrame({"time_ns": time_ns, **now._asdict()}).with_columns(
+            pl.col("phase").cast(PHASE)
+        )
 
     @property
     def origin_unix_ns(self) -> int:
@@ -73,17 +85,13 @@ def _logs(scenario: Scenario) -> Iterator[SimulatedLog]:
     start_ns = _ns(scenario.log.start_unix_s)
     for index, load_kg in enumerate(scenario.campaign.loads_kg):
         timeline = _timeline(scenario, load_kg, index, start_ns)
-        time_ns = instants_ns(timeline, scenario.sensors.rate_hz, 0.0)
-        now = timeline.sample(time_ns)
         yield SimulatedLog(
             scenario=scenario,
             load_kg=load_kg,
             topics=measure(scenario, timeline, index),
             trials=timeline.trials(scenario.terrain.slope_deg),
             manoeuvres=timeline.manoeuvres(),
-            noise_free=pl.DataFrame({"time_ns": time_ns, **now._asdict()}).with_columns(
-                pl.col("phase").cast(PHASE)
-            ),
+            timeline=timeline,
             phase_s={topic: phase_s(scenario, topic, index) for topic in TOPICS},
         )
         start_ns = timeline.end_ns + _ns(scenario.log.load_change_s)

@@ -9,6 +9,7 @@ import numpy as np
 from analysis.simulation import plant
 from analysis.simulation.body import RigidBody
 from analysis.simulation.integrated import BRAKING, FREE, OPEN, REST, STEADY, IntegratedLog
+from analysis.simulation.kept_rows import KeptRows
 from analysis.simulation.manoeuvres import Excite, Manoeuvre, Rest, Start
 from analysis.simulation.motion import ManoeuvreTimes
 from analysis.simulation.plant import DriveStage, Plant
@@ -50,8 +51,8 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
         scenario,
         np.array(trial_s),
         tuple(driver.driven),
-        np.concatenate(driver.rows),
-        np.repeat(driver.stages, [len(rows) for rows in driver.rows]),
+        driver.kept.rows,
+        driver.kept.stages,
     )
 
 
@@ -88,8 +89,7 @@ class _Driver:
 
     def __init__(self, scenario: Scenario, load_kg: float, load_index: int) -> None:
         self.time_s = 0.0
-        self.rows: list[Floats] = []
-        self.stages: list[int] = []
+        self.kept = KeptRows()
         self.driven: list[DrivenManoeuvre] = []
         self._scenario, self._load_kg, self._load_index = scenario, load_kg, load_index
         self._plant = plant_of(scenario)
@@ -235,7 +235,7 @@ class _Driver:
         steps: int | None = None,
     ) -> None:
         steps = steps or max(math.ceil(duration_s / self._step_s - 1e-9), 1)
-        rows = np.empty((2 * steps + 4, plant.COLUMNS))
+        rows = self.kept.room(2 * steps + 4)
         self.time_s, kept, self._moved = plant.advance(
             stage.begin_s + duration_s,
             steps,
@@ -247,13 +247,11 @@ class _Driver:
             _WAVE_STEP_S,
             rows,
         )
-        made = rows[:kept].copy()
-        if np.abs(made[:, 1 + plant.WHEEL]).max() > _TOP_SPEED_M_S:
+        if np.abs(rows[:kept, 1 + plant.WHEEL]).max() > _TOP_SPEED_M_S:
             raise ScenarioError(
                 f"campaign.throttle_force_N: drives the machine beyond {_TOP_SPEED_M_S:g} m/s"
             )
-        self.rows.append(made)
-        self.stages.append(kind)
+        self.kept.keep(kept, kind)
 
     def _slope_rad(self) -> float:
         return self._scenario.terrain.slope_at_rad(float(self._state[plant.POSITION]))
