@@ -3,11 +3,15 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import polars as pl
 
-from analysis.simulation import SimulatedLog
+from analysis.simulation import Scenario, SimulatedLog
 from estimators.errors import LogError
+
+if TYPE_CHECKING:
+    from analysis.simulation.shift_logs import ShiftTruth
 
 
 def truth_path(log: Path) -> Path:
@@ -29,6 +33,20 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
         "scenario": simulated.scenario.model_dump(mode="json"),
     }
     truth_path(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
+
+
+def write_shift_truth(
+    truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
+) -> None:
+    """Write what is true of a whole shift: its cycles, stands and logs, in unix ns."""
+    named = truth.logs.insert_column(0, pl.Series("log", [log.name for log in logs]))
+    whole = {
+        "cycles": truth.cycles.to_dicts(),
+        "stands": truth.stands.to_dicts(),
+        "logs": named.to_dicts(),
+        "scenario": scenario.model_dump(mode="json"),
+    }
+    path.write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
 
 
 def has_truth(logs: Sequence[Path]) -> bool:

@@ -17,6 +17,7 @@ from analysis.simulation.sensors import measure
 from analysis.simulation.solve import solve_motion
 from analysis.simulation.switches import integrated_for
 from analysis.simulation.timeline import Timeline, continuous, repeated
+from estimators.errors import ScenarioError
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,9 +27,9 @@ class SimulatedLog:
     Attributes:
         scenario: that was simulated.
         load_kg: the load.
-        topics: `imu`, `torque` and `speed`, as `measure` gives them.
-        trials: a row a trial: `run` (its number), the unix times `start_ns` and `end_ns`,
-            `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without one), and
+        topics: `imu`, `torque` and `speed`, in a shift also others, as `measure` gives them.
+        trials: a row a trial (none in a shift): `run` (its number), the unix times `start_ns` and
+            `end_ns`, `throttle_ns`, `cruise_ns` and `braking_ns` of its first start (null without one), and
             the true `load_kg mass_kg friction_N_s_m coulomb_N slope_deg inertia_z_kg_m2 com_x_m
             com_y_m friction_z_N_m_s coulomb_z_N_m`: of machine and load, about the origin, where
             its first start begins (without one, its first manoeuvre).
@@ -38,6 +39,7 @@ class SimulatedLog:
             start its `direction` and its share of full `throttle`.
         timeline: the motion without noise, at any time.
         phase_s: when each topic is first sampled, in s since the log's beginning.
+        torn_share: the part of the file that is torn off at its end.
     """
 
     scenario: Scenario
@@ -47,6 +49,7 @@ class SimulatedLog:
     manoeuvres: pl.DataFrame
     timeline: Timeline
     phase_s: Mapping[str, float]
+    torn_share: float = 0.0
 
     @cached_property
     def noise_free(self) -> pl.DataFrame:
@@ -77,6 +80,8 @@ def simulate_campaign(scenario: Scenario) -> Iterator[SimulatedLog]:
         ScenarioError: the machine cannot be driven as asked with one of the loads; raised before
             the first log.
     """
+    if scenario.shift is not None:
+        raise ScenarioError("shift: is no campaign; use ShiftSimulation")
     check_limits(scenario, scenario.campaign.loads_kg)
     return _logs(scenario)
 

@@ -15,7 +15,7 @@ from analysis.simulation.timeline import DrivenManoeuvre
 from analysis.simulation.waveforms import Floats
 
 #: Numbers of stages; the phase of one that is free follows from its motion.
-REST, OPEN, STEADY, BRAKING, FREE = range(5)
+REST, OPEN, STEADY, BRAKING, FREE, TURNING = range(6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,7 @@ class IntegratedLog:
         rows: (n, 16) what `plant` keeps, times ascending; at a time that is there twice something
             changes at once.
         stage: (n,) the kind of stage that each row belongs to.
+        heading_rad: at the first row.
     """
 
     scenario: Scenario
@@ -36,6 +37,7 @@ class IntegratedLog:
     driven: tuple[DrivenManoeuvre, ...]
     rows: Floats
     stage: NDArray[np.int8]
+    heading_rad: float = 0.0
 
     def sample(self, time_s: Floats) -> Channels:
         """The channels at times (n,) in s since the log began: any times, in any order."""
@@ -56,8 +58,9 @@ class IntegratedLog:
         torque = torque + machine.coulomb_z_N_m * np.sign(omega)
         seen = self.scenario.campaign.brake_measured_share
         gravity = terrain.gravity_m_s2 * np.sin(slope)
+        heading = np.interp(time_s, self.rows[:, plant.TIME], self._heading_rad)
         return Channels(
-            phase=self._phase(last, wheel, acc),
+            phase=self._phase(last, wheel, acc, omega),
             speed_x_m_s=body,
             acc_x_m_s2=acc,
             force_x_N=force,
@@ -66,9 +69,9 @@ class IntegratedLog:
             yaw_acc_rad_s2=turn,
             torque_z_N_m=torque,
             measured_torque_z_N_m=torque,
-            specific_force_x_m_s2=acc + gravity,
-            specific_force_y_m_s2=omega * body,
-            heading_rad=np.interp(time_s, self.rows[:, plant.TIME], self._heading_rad),
+            specific_force_x_m_s2=acc + gravity * np.cos(heading),
+            specific_force_y_m_s2=omega * body - gravity * np.sin(heading),
+            heading_rad=heading,
             wheel_speed_x_m_s=wheel,
             force_rate_x_N_s=rate[FORCE_RATE],
             slope_rad=slope,
@@ -86,13 +89,22 @@ class IntegratedLog:
     def _heading_rad(self) -> Floats:
         time, rate = self.rows[:, plant.TIME], self.rows[:, plant.YAW_RATE]
         turned = np.diff(time) * (rate[1:] + rate[:-1]) / 2.0
-        return np.concatenate([[0.0], np.cumsum(turned)])
+        return self.heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
 
-    def _phase(self, row: NDArray[np.int64], speed: Floats, acc: Floats) -> NDArray[np.str_]:
+    def _phase(
+        self, row: NDArray[np.int64], speed: Floats, acc: Floats, omega: Floats
+    ) -> NDArray[np.str_]:
         stage = self.stage[row]
         standing = (self.rows[row, plant.STANDS] > 0.0) | (speed == 0.0)
         return np.select(
-            [standing, stage == OPEN, stage == STEADY, stage == BRAKING, speed * acc >= 0.0],
-            ["standstill", "accelerating", "cruising", "braking", "accelerating"],
+            [
+                (stage == TURNING) & (omega != 0.0),
+                standing,
+                stage == OPEN,
+                stage == STEADY,
+                stage == BRAKING,
+                speed * acc >= 0.0,
+            ],
+            ["spinning", "standstill", "accelerating", "cruising", "braking", "accelerating"],
             default="braking",
         )

@@ -35,6 +35,25 @@ class KeptRows:
             self._rows = grown
         return self._rows[self._size : self._size + count]
 
+    def forget(self, before_s: float) -> float:
+        """Forget rows before a time, but for the last of them; how far the machine turned in them.
+
+        What was handed out before keeps its memory.
+        """
+        time_s = self.rows[:, plant.TIME]
+        first = max(int(np.searchsorted(time_s, before_s, side="right")) - 1, 0)
+        gone = self.rows[: first + 1]
+        rate = gone[:, plant.YAW_RATE]
+        turned = np.diff(gone[:, plant.TIME]) * (rate[1:] + rate[:-1]) / 2.0
+        ends = np.cumsum(self._counts)
+        stage = int(np.searchsorted(ends, first, side="right"))
+        if first:
+            self._rows = self.rows[first:].copy()
+            self._size -= first
+            self._kinds = self._kinds[stage:]
+            self._counts = [int(ends[stage]) - first, *self._counts[stage + 1 :]]
+        return float(turned.sum())
+
     def keep(self, count: int, kind: int) -> None:
         """Keep so many rows of the room, all of one kind of stage."""
         self._size += count

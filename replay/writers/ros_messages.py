@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from replay.writers.serialise import Envelope
 
 _WHEELS: Final = ("front_left", "front_right")
+_JOINTS: Final = ("boom", "bucket")
 
 
 class Topic(NamedTuple):
@@ -122,8 +123,39 @@ def _speed(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
     return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
 
 
+def _boom(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    return {"name": _JOINTS, "position": frame.select("boom_rad", "bucket_rad").to_numpy()}
+
+
+def _odometry(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    half = frame["heading_rad"].to_numpy() / 2
+    place: dict[str, Column] = {"x": frame["position_x_m"].to_numpy()}
+    turned: dict[str, Column] = {"z": np.sin(half), "w": np.cos(half)}
+    twist: dict[str, Column] = {
+        "linear": {"x": frame["speed_x_m_s"].to_numpy()},
+        "angular": {"z": frame["yaw_rate_rad_s"].to_numpy()},
+    }
+    return {
+        "child_frame_id": "base_link",
+        "pose": {"pose": {"position": place, "orientation": turned}},
+        "twist": {"twist": twist},
+    }
+
+
+def _gnss(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    return {
+        # a fix by GPS, of unknown covariance
+        "status": {"status": 0, "service": 1},
+        "latitude": frame["latitude_deg"].to_numpy(),
+        "longitude": frame["longitude_deg"].to_numpy(),
+    }
+
+
 TOPICS: Final = {
     "imu": Topic("/imu/data", "sensor_msgs/msg/Imu", "imu_link", _imu),
     "torque": Topic("/wheels/torque", "sensor_msgs/msg/JointState", "base_link", _torque),
     "speed": Topic("/wheels/speed", "sensor_msgs/msg/JointState", "base_link", _speed),
+    "boom": Topic("/boom/angles", "sensor_msgs/msg/JointState", "boom_link", _boom),
+    "odometry": Topic("/odometry", "nav_msgs/msg/Odometry", "odom", _odometry),
+    "gnss": Topic("/gnss/fix", "sensor_msgs/msg/NavSatFix", "gnss_link", _gnss),
 }

@@ -29,6 +29,8 @@ def write_rosbag2(log: SimulatedLog, path: Path) -> None:
 
 
 _PLUGIN: Final = StoragePlugin.MCAP
+#: What rosbags' writer calls it.
+METADATA: Final = "metadata.yaml"
 
 
 class _Storage:
