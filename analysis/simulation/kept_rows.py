@@ -29,11 +29,14 @@ class KeptRows:
     def room(self, count: int) -> Floats:
         """(at least count, 16) memory behind the rows, to be filled and then kept."""
         if self._size + count > len(self._rows):
-            # what is not touched takes no memory
-            grown = np.empty((2 * (self._size + count), plant.COLUMNS))
-            grown[: self._size] = self.rows
-            self._rows = grown
+            self.reserve(self._size + 2 * count)
         return self._rows[self._size : self._size + count]
+
+    def reserve(self, count: int) -> None:
+        """Make room for so many more rows; what is not touched takes no memory."""
+        grown = np.empty((self._size + count, plant.COLUMNS))
+        grown[: self._size] = self.rows
+        self._rows = grown
 
     def forget(self, before_s: float) -> float:
         """Forget rows before a time, but for the last of them; how far the machine turned in them.

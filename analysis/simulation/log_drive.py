@@ -28,6 +28,8 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
         ScenarioError: a machine does not start, does not stop, or goes too fast.
     """
     driver = _TrialDriver(scenario, load_kg, load_index)
+    asked_s = sum(_asked_s(each) for each in scenario.campaign.trial)
+    driver.expect(scenario.campaign.runs * asked_s)
     trial_s = [0.0]
     for trial in range(scenario.campaign.runs):
         for number, manoeuvre in enumerate(scenario.campaign.trial):
@@ -41,6 +43,17 @@ def integrate_log(scenario: Scenario, load_kg: float, load_index: int) -> Integr
         driver.kept.rows,
         driver.kept.stages,
     )
+
+
+def _asked_s(manoeuvre: Manoeuvre) -> float:
+    """About how long a manoeuvre takes, its stop included."""
+    match manoeuvre:
+        case Rest():
+            return 0.0  # a rest has two rows
+        case Start():
+            return manoeuvre.start_s + manoeuvre.cruise_s + manoeuvre.coast_s + 2.0
+        case _:
+            return manoeuvre.duration_s + 2.0 if isinstance(manoeuvre, Excite) else 0.0
 
 
 class _TrialDriver(MachineDriver):

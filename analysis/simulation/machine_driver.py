@@ -112,6 +112,10 @@ class MachineDriver:
         """How far along the way the machine is."""
         return float(self.state[plant.POSITION])
 
+    def expect(self, duration_s: float) -> None:
+        """Make room for what is kept of so long a drive."""
+        self.kept.reserve(math.ceil((duration_s + 2.0 * _LONGEST_STOP_S) / self._step_s))
+
     def rest(self, duration_s: float, mass_kg: float) -> ManoeuvreTimes:
         """Stand, held by the brakes."""
         begin_s = self.time_s

@@ -35,8 +35,9 @@ def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str
 
     Returns:
         `imu`, `torque`, `speed`, and what a shift has besides: `header_stamp_ns`, `log_time_ns`,
-        and columns with the names, units and signs of a machine file's channels (pitch positive nose-up). Each topic has its
-        own instants. Lost messages have no row; rows are in the order of recording.
+        and columns with the names, units and signs of a machine file's channels (pitch positive
+        nose-up). Each topic has its own instants. Lost messages have no row; rows are in the order
+        of recording.
     """
     frames: dict[str, pl.DataFrame] = {}
     for topic in topics_of(scenario):

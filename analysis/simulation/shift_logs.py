@@ -77,6 +77,7 @@ class ShiftSimulation:
         heading_rad = 0.0
         for index, span in enumerate(planned):
             is_last = index == len(planned) - 1
+            self._driver.expect(max(span.end_s - self._driver.time_s, 0.0))
             while not self._driver.is_over and (is_last or self._driver.time_s < span.end_s):
                 self._driver.cycle()
             end_s = self._driver.time_s if is_last else min(span.end_s, self._driver.time_s)
