@@ -101,7 +101,7 @@ def test_every_example_machine_file_is_valid() -> None:
     from replay.scenario_file import load_scenario
 
     for path in sorted((REPO / "examples").glob("*.toml")):
-        if path.name in ("campaign.toml", "inertia.toml", "planar.toml"):
+        if path.name in ("campaign.toml", "inertia.toml", "planar.toml", "shift.toml"):
             load_scenario(path)
         else:
             load_machine(path)

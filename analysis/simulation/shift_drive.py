@@ -107,7 +107,7 @@ class ShiftDriver(MachineDriver):
         self._legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
         dig_s = self.time_s
         self._dig(operator)
-        load_kg, machine_kg = self._load_kg, self._body().mass_kg - self._load_kg
+        load_kg, machine_kg = self._load_kg, self.scenario.machine.mass_kg - self._burnt_kg
         haul_s = self.time_s
         reverse = bool(operator.random() < shift.reverse_share)
         self._start(-1.0, shift.back_m, operator)
