@@ -26,7 +26,7 @@ from analysis.simulation.waveforms import Floats
 #: Sensors look back so far at most.
 _LOOK_BACK_S: Final = 60.0
 #: Where logs part, at most so far from the even places, in lengths of a log.
-_UNEVEN: Final = 0.3
+_UNEVEN: Final = 0.1
 
 
 class LogSpan(NamedTuple):

@@ -140,8 +140,8 @@ class ColumnMcap:
         self._put(Header("ros2", "payscope"))
         preamble = b"".join(_bytes(record) for each in self.channels for record in each)
         for chunk, done in self._pack(chunks(in_order(topics), preamble, _CHUNK_BYTES)):
-            self._write_chunk(chunk, done.result())
-            _count(self.statistics, chunk)
+            counts = self._write_chunk(chunk, done.result())
+            _count(self.statistics, counts, chunk)
 
     def finish(self, metadata: Sequence[Metadata] = ()) -> None:
         """Write what closes the file."""
@@ -172,7 +172,8 @@ class ColumnMcap:
 
         return _Packed(zstandard.compress(chunk.data.data), zlib.crc32(chunk.data.data))
 
-    def _write_chunk(self, chunk: FullChunk, packed: _Packed) -> None:
+    def _write_chunk(self, chunk: FullChunk, packed: _Packed) -> dict[int, int]:
+        """Write a chunk; how many messages it has, by channel."""
         compression = "zstd" if self.packed else ""
         start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
         at = self.file.tell()
@@ -188,8 +189,10 @@ class ColumnMcap:
         )
         ends_at = self.file.tell()
         offsets: dict[int, int] = {}
+        counts: dict[int, int] = {}
         for number, mine in chunk.by_connection().items():
             offsets[number] = self.file.tell()
+            counts[number] = mine.log_times.size
             rows = np.empty(mine.log_times.size, _INDEX_ROW)
             rows["time"], rows["offset"] = mine.log_times, mine.offsets
             head = bytes([Opcode.MESSAGE_INDEX]) + (6 + rows.nbytes).to_bytes(8, "little")
@@ -208,6 +211,7 @@ class ColumnMcap:
                 uncompressed_size=chunk.data.size,
             )
         )
+        return counts
 
     def _metadata(self, metadata: Metadata) -> MetadataIndex:
         at = self.file.tell()
@@ -251,7 +255,7 @@ def _bytes(record: McapRecord) -> bytes:
     return builder.end()
 
 
-def _count(statistics: Statistics, chunk: FullChunk) -> None:
+def _count(statistics: Statistics, messages: Mapping[int, int], chunk: FullChunk) -> None:
     start, end = int(chunk.log_times.min()), int(chunk.log_times.max())
     if statistics.message_count:
         start = min(start, statistics.message_start_time)
@@ -260,5 +264,5 @@ def _count(statistics: Statistics, chunk: FullChunk) -> None:
     statistics.message_count += chunk.log_times.size
     statistics.chunk_count += 1
     counts = statistics.channel_message_counts
-    for number, mine in chunk.by_connection().items():
-        counts[number] = counts.get(number, 0) + mine.log_times.size
+    for number, count in messages.items():
+        counts[number] = counts.get(number, 0) + count

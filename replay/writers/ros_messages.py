@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.simulation import Scenario, SimulatedLog
 from replay.decoding.wire import CDR, ROS1
@@ -89,6 +90,11 @@ def message_columns(
     return {"header": header, **topic.fields(frame, scenario)}
 
 
+def _pairs(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
+    """Columns (n, names)."""
+    return np.column_stack([frame[name].to_numpy() for name in names])
+
+
 def _imu(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
     # REP-103: y points left, so that a positive pitch is nose-down
     half = -frame["pitch_rad"].to_numpy() / 2
@@ -114,17 +120,17 @@ def _imu(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
 
 
 def _torque(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    wheels = frame.select("torque_left_N_m", "torque_right_N_m").to_numpy()
+    wheels = _pairs(frame, "torque_left_N_m", "torque_right_N_m")
     return {"name": _WHEELS, "effort": wheels}
 
 
 def _speed(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
-    wheels = frame.select("speed_left_m_s", "speed_right_m_s").to_numpy()
+    wheels = _pairs(frame, "speed_left_m_s", "speed_right_m_s")
     return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
 
 
 def _boom(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
-    return {"name": _JOINTS, "position": frame.select("boom_rad", "bucket_rad").to_numpy()}
+    return {"name": _JOINTS, "position": _pairs(frame, "boom_rad", "bucket_rad")}
 
 
 def _odometry(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
