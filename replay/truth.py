@@ -50,8 +50,8 @@ def write_shift_truth(
 
 
 def has_truth(logs: Sequence[Path]) -> bool:
-    """Whether the truth lies beside every log."""
-    return all(truth_path(log).is_file() for log in logs)
+    """Whether the truth of trials lies beside every log: a shift has cycles, and no trials."""
+    return all(truth_path(log).is_file() and _has_trials(truth_path(log)) for log in logs)
 
 
 def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
@@ -67,6 +67,14 @@ def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
         LogError: a truth file cannot be read, or is none.
     """
     return pl.concat([_trials(truth_path(log)) for log in logs])
+
+
+def _has_trials(path: Path) -> bool:
+    """False for a shift; what cannot be read is for `true_trials` to say."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8")).get("runs") != []
+    except (OSError, ValueError, AttributeError):
+        return True
 
 
 def _trials(path: Path) -> pl.DataFrame:

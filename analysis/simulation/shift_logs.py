@@ -128,7 +128,7 @@ class ShiftSimulation:
             start_ns + np.rint(begins * 1e9).astype(np.int64),
             _in_cycles(mine, begins),
             _Clock(motion, start_ns).sample,
-            _Positions(motion, tuple(driver.angles), start_ns).hints,
+            _WayAndBoom(motion, tuple(driver.angles), start_ns).hints,
         )
         topics = topics_of(scenario)
         return SimulatedLog(
@@ -153,7 +153,7 @@ class _Clock(NamedTuple):
         return self.motion.sample((time_ns - self.start_ns) * np.float64(1e-9))
 
 
-class _Positions(NamedTuple):
+class _WayAndBoom(NamedTuple):
     """Where the machine is and how its boom stands, by unix time."""
 
     motion: IntegratedLog

@@ -13,6 +13,7 @@ from analysis.simulation import Scenario
 from replay import load_machine, open_log, run
 from replay.scenario_file import load_scenario, scenario_text
 from replay.simulate import log_paths, shift_truth_path, simulate
+from replay.truth import has_truth
 from tests.one_line import assert_one_line
 from tests.replay.sledge import Payscope, one_line
 
@@ -106,6 +107,8 @@ def test_the_truth_beside_a_log_has_its_manoeuvres_and_that_of_the_shift_its_cyc
     assert (cycles["start_ns"] < cycles["dig_ns"]).all()
     assert cycles["first_log"][0] == 0
     assert Scenario.model_validate(truth["scenario"]) == SHIFT
+    # which are none of a campaign's trials
+    assert not has_truth(paths)
     for path in paths:
         text = path.with_name(f"{path.name}.truth.json").read_text(encoding="utf-8")
         beside = json.loads(text)
