@@ -41,10 +41,13 @@ class KeptRows:
     def forget(self, before_s: float) -> float:
         """Forget rows before a time, but for the last of them; how far the machine turned in them.
 
+        Two rows are left at least.
+
         What was handed out before keeps its memory.
         """
         time_s = self.rows[:, plant.TIME]
-        first = max(int(np.searchsorted(time_s, before_s, side="right")) - 1, 0)
+        first = int(np.searchsorted(time_s, before_s, side="right")) - 1
+        first = max(min(first, self._size - 2), 0)
         gone = self.rows[: first + 1]
         rate = gone[:, plant.YAW_RATE]
         turned = np.diff(gone[:, plant.TIME]) * (rate[1:] + rate[:-1]) / 2.0

@@ -89,7 +89,7 @@ class ShiftDriver(MachineDriver):
         self._burnt_kg = 0.0
         self._burnt_until_s = 0.0
         self._had_break = not shift.break_after_h
-        self._number = 0
+        self._cycle, self._number = 0, 0
         self._boom(_DRIVE, at_s=0.0)
 
     @property
@@ -100,7 +100,7 @@ class ShiftDriver(MachineDriver):
     def cycle(self) -> None:
         """One cycle, and what interrupts the work after it."""
         shift, number = self.shift, len(self.cycles)
-        self._number = 0
+        self._cycle, self._number = number, 0
         begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
         operator = self._drawn("shift_operator")
         self._rest(operator)
@@ -263,7 +263,7 @@ class ShiftDriver(MachineDriver):
         begin_kg = self._load_kg if load_kg is None else load_kg
         self.driven.append(
             DrivenManoeuvre(
-                len(self.cycles),
+                self._cycle,
                 self._number,
                 times,
                 body,

@@ -71,7 +71,7 @@ class ShiftSimulation:
         self._spans: list[LogSpan] = []
 
     def logs(self) -> Iterator[SimulatedLog]:
-        """The logs in order; the same scenario gives the same ones bit for bit."""
+        """The logs in order, once; the same scenario gives the same ones bit for bit."""
         start_ns = _ns(self.scenario.log.start_unix_s)
         planned = _spans(self.scenario, self.shift)
         heading_rad = 0.0

@@ -36,7 +36,7 @@ def simulated(scenario: Scenario) -> tuple[list[SimulatedLog], ShiftTruth]:
 @cache
 def plain() -> tuple[SimulatedLog, ShiftTruth]:
     """A shift in one log."""
-    (log,), truth = simulated(shift_of(shift={"reverse_share": 0.4}))
+    (log,), truth = simulated(shift_of(shift={"reverse_share": 0.4, "idle_share": 0.3}))
     return log, truth
 
 
@@ -118,6 +118,9 @@ def test_starts_and_stops_are_those_of_the_scenario() -> None:
     log, truth = plain()
     starts = log.manoeuvres.filter(kind="start").group_by("run").len().sort("run")
     assert starts["len"].to_list() == truth.cycles["starts"].to_list()
+    assert log.manoeuvres.select("run", "manoeuvre").is_unique().all()
+    between_ns = log.manoeuvres["start_ns"][1:] - log.manoeuvres["end_ns"][:-1]
+    assert between_ns.is_between(-1, 1).all()
     spread = shift_of(shift={"duration_h": 0.05}, starts={"throttle_least": 0.6})
     drawn = simulated(spread)[0][0].manoeuvres["throttle"].drop_nulls()
     assert drawn.min() < 0.9  # pyright: ignore
@@ -162,7 +165,7 @@ def test_idling_does_not_change_what_is_loaded() -> None:
 
 def test_cut_into_logs_the_machine_moves_as_in_one() -> None:
     log, truth = plain()
-    logs, cut = simulated(shift_of(shift={"reverse_share": 0.4, "logs": 3}))
+    logs, cut = simulated(shift_of(shift={"reverse_share": 0.4, "idle_share": 0.3, "logs": 3}))
     assert cut.cycles.drop("first_log", "last_log").equals(
         truth.cycles.drop("first_log", "last_log")
     )
