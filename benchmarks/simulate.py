@@ -25,7 +25,7 @@ from benchmarks import simulate_peers as peers
 from benchmarks.page import markdown, put
 from replay.writers.bag import write_bag
 from replay.writers.mcap import write_mcap
-from replay.writers.rosbag2 import write_rosbag2
+from replay.writers.rosbag2 import write_db3, write_rosbag2
 
 _ROUNDS: Final = 3
 _TARGET: Final = 20.0
@@ -45,7 +45,8 @@ class _Format(NamedTuple):
 _FORMATS: Final = (
     _Format("shift.bag", write_bag, peers.write_bag, True),
     _Format("shift.mcap", write_mcap, peers.write_mcap, True),
-    _Format("shift (rosbag2)", write_rosbag2, peers.write_directory, False),
+    _Format("shift (rosbag2, MCAP)", write_rosbag2, peers.write_directory, False),
+    _Format("shift.db3", write_db3, peers.write_database, False),
 )
 
 

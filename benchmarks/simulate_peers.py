@@ -84,8 +84,17 @@ def write_mcap(log: SimulatedLog, path: Path) -> None:
 
 def write_directory(log: SimulatedLog, path: Path) -> None:
     """With rosbags, ROS 2 in MCAP storage."""
+    _write_directory(log, path, StoragePlugin.MCAP)
+
+
+def write_database(log: SimulatedLog, path: Path) -> None:
+    """With rosbags, ROS 2 in a database, in its directory."""
+    _write_directory(log, path, StoragePlugin.SQLITE3)
+
+
+def _write_directory(log: SimulatedLog, path: Path, plugin: StoragePlugin) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
-    version, plugin = DirectoryWriter.VERSION_LATEST, StoragePlugin.MCAP
+    version = DirectoryWriter.VERSION_LATEST
     with DirectoryWriter(path, version=version, storage_plugin=plugin) as bag:
         keys = {
             name: bag.add_connection(TOPICS[name].name, TOPICS[name].msgtype, typestore=store)

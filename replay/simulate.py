@@ -13,7 +13,8 @@ def simulate(scenario: Scenario, output: Path, *, force: bool = False) -> list[P
 
     Args:
         scenario: what to simulate.
-        output: the log; its suffix says the format (.bag, .mcap, .csv; none: a rosbag2 directory).
+        output: the log; its suffix says the format (.bag, .mcap, .db3, .csv; none: a rosbag2
+            directory).
             With several loads, each has its own log, named after it: `campaign.bag` becomes
             `campaign_000kg.bag`, `campaign_050kg.bag`, …. A shift of several logs numbers them,
             `shift_1.bag`, …, and what is true of all is in `shift.cycles.json`.

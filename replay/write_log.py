@@ -11,7 +11,7 @@ from recordings.output import staged
 from replay.truth import truth_path, write_truth
 from replay.writers.bag import write_bag
 from replay.writers.mcap import write_mcap
-from replay.writers.rosbag2 import write_rosbag2
+from replay.writers.rosbag2 import write_db3, write_rosbag2
 from replay.writers.table import write_csv
 from replay.writers.tear import tear
 
@@ -19,6 +19,7 @@ from replay.writers.tear import tear
 WRITERS: Final[dict[str, Callable[[SimulatedLog, Path], None]]] = {
     ".bag": write_bag,
     ".mcap": write_mcap,
+    ".db3": write_db3,
     ".csv": write_csv,
     "": write_rosbag2,
 }
@@ -47,7 +48,7 @@ def write_logs(
     for target in targets:
         if target.suffix not in WRITERS:
             raise OutputError(
-                f"{target}: no format '{target.suffix}'; use .bag, .mcap, .csv, "
+                f"{target}: no format '{target.suffix}'; use .bag, .mcap, .db3, .csv, "
                 "or no suffix for a rosbag2 directory"
             )
     with staged([*targets, *map(truth_path, targets), *beside], force=force) as stage:

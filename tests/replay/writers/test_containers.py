@@ -19,7 +19,7 @@ from replay.writers.bag import write_bag
 from replay.writers.in_order import BLOCK_ROWS, RecordBlock, chunks
 from replay.writers.mcap import write_mcap
 from replay.writers.ros_messages import TOPICS, message_columns
-from replay.writers.rosbag2 import write_rosbag2
+from replay.writers.rosbag2 import write_db3, write_rosbag2
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +127,22 @@ def test_a_rosbag2_directory_holds_the_messages_of_rosbags_for_every_reader(
         assert not ours.losses()
 
 
+def test_a_database_holds_the_messages_of_rosbags(log: SimulatedLog, tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    expected = [
+        (message.log_time_ns, TOPICS[message.frame].name, message.data)
+        for message in serialised(log, store, ros1=False)
+    ]
+    write_db3(log, tmp_path / "log.db3")
+    assert [path.name for path in tmp_path.iterdir()] == ["log.db3"]
+    with AnyReader([tmp_path / "log.db3"]) as reader:
+        found = [(time, which.topic, bytes(data)) for which, time, data in reader.messages()]
+    assert sorted(found) == sorted(expected)
+    with open_log(tmp_path / "log.db3") as ours:
+        assert ours.topics()["messages"].sum() == len(expected)
+        assert not ours.losses()
+
+
 def test_a_log_without_messages_is_whole(log: SimulatedLog, tmp_path: Path) -> None:
     from dataclasses import replace
 
@@ -134,6 +150,7 @@ def test_a_log_without_messages_is_whole(log: SimulatedLog, tmp_path: Path) -> N
     write_bag(empty, tmp_path / "none.bag")
     write_mcap(empty, tmp_path / "none.mcap")
     write_rosbag2(empty, tmp_path / "none")
+    write_db3(empty, tmp_path / "none.db3")
     with (tmp_path / "none.mcap").open("rb") as file:
         assert not list(make_reader(file, validate_crcs=True).iter_messages())
     with AnyReader([tmp_path / "none.bag"]) as reader:
