@@ -27,6 +27,8 @@ from analysis.simulation.waveforms import Floats
 _LOOK_BACK_S: Final = 60.0
 #: Where logs part, at most so far from the even places, in lengths of a log.
 _UNEVEN: Final = 0.1
+#: Of what a torn log loses at most.
+_LEAST_DAMAGE: Final = 0.05
 
 
 class LogSpan(NamedTuple):
@@ -187,7 +189,7 @@ def _spans(scenario: Scenario, shift: SimulatedShift) -> list[LogSpan]:
         begin_s = end_s + float(drawn.uniform(0.0, shift.restart_s))
     damage = generator(scenario.sensors.seed, 0, 0, "shift_damage")
     for number in damage.choice(shift.logs, shift.damaged_logs, replace=False).tolist():
-        share = float(damage.uniform(0.0, shift.damage_share))
+        share = shift.damage_share * float(damage.uniform(_LEAST_DAMAGE, 1.0))
         spans[number] = spans[number]._replace(torn_share=share)
     return spans
 
