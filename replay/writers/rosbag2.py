@@ -55,7 +55,7 @@ def _bare(_connection: int, _times: Ints) -> Envelope:
     return lambda _size: ()
 
 
-class _Written(NamedTuple):
+class _MessageCounts(NamedTuple):
     """Messages by connection, and from when to when; unknown where there are none."""
 
     counts: dict[int, int]
@@ -90,11 +90,11 @@ class _Storage:
     def write(self, connection: "Connection", timestamp: int, data: bytes | memoryview) -> None:
         raise NotImplementedError("messages come by columns")
 
-    def write_topics(self, topics: Sequence[RecordedTopic]) -> _Written:
+    def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
         self._mcap.write(topics)
         made = self._mcap.statistics
         counts = made.channel_message_counts
-        return _Written(counts, made.message_start_time, made.message_end_time)
+        return _MessageCounts(counts, made.message_start_time, made.message_end_time)
 
     def close(self, version: int, metadata: str) -> None:
         del version  # in the text
@@ -108,12 +108,12 @@ class _Storage:
 class _Database(Sqlite3Writer):
     """rosbags' database, filled with all messages at once."""
 
-    def write_topics(self, topics: Sequence[RecordedTopic]) -> _Written:
+    def write_topics(self, topics: Sequence[RecordedTopic]) -> _MessageCounts:
         self.conn.executemany(
             "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", _rows(topics)
         )
         times = [topic.log_time_ns for topic in topics if topic.log_time_ns.size]
-        return _Written(
+        return _MessageCounts(
             {topic.connection: topic.log_time_ns.size for topic in topics},
             min((int(each[0]) for each in times), default=0),
             max((int(each[-1]) for each in times), default=0),
