@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty reproduction reading speed memory fuzz lock clean help
+.PHONY: demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -92,6 +92,9 @@ decoding: $(TEST_STAMP) ## the columnar decoder against rosbags over 2500 random
 
 fuzz: $(TEST_STAMP) ## 600 damaged logs of each of 21 containers: no crash, no hang, nothing lost in silence (ten minutes)
 	PAYSCOPE_FUZZ_FILES=600 $(BIN)/python -m pytest -s tests/replay/readers/fuzz
+
+writing: $(TEST_STAMP) ## simulated logs written by columns and message by message, into the documentation (ten minutes)
+	$(BIN)/python -P benchmarks/simulate.py --write
 
 reading: $(BENCH_STAMP) ## logs to columns against other readers and the limit (ten minutes)
 	$(BIN)/python -P benchmarks/decode.py

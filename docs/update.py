@@ -39,6 +39,7 @@ from analysis.simulation.loading import SimulatedLoading
 from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
 from analysis.simulation.sampling import SimulatedSampling
 from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, SimulatedTerrain
+from analysis.simulation.shift import SimulatedShift
 from analysis.simulation.starts import SimulatedStarts
 from analysis.simulation.waveforms import ForceWave, TorqueWave
 
@@ -103,6 +104,7 @@ def scenario_tables() -> str:
             ("sampling", SimulatedSampling),
             ("defects", SimulatedDefects),
             ("log", SimulatedRecorder),
+            ("shift", SimulatedShift),
         )
     ]
     for kind in (Rest, Start, Spin, Arc, Excite):

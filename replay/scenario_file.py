@@ -7,6 +7,7 @@ from typing import Any
 
 from analysis.simulation import Scenario
 from analysis.simulation.limits import check_limits
+from analysis.simulation.shift_limits import check_shift
 from estimators.errors import ScenarioError
 from replay.toml_file import read_toml, set_value, validate
 
@@ -30,7 +31,10 @@ def load_scenario(path: Path | str | None, overrides: Iterable[str] = ()) -> Sce
     source = Path(path or "--set")
     scenario = validate(source, content, Scenario, ScenarioError)
     try:
-        check_limits(scenario, scenario.campaign.loads_kg)
+        if scenario.shift is None:
+            check_limits(scenario, scenario.campaign.loads_kg)
+        else:
+            check_shift(scenario, scenario.shift)
     except ScenarioError as fault:
         raise ScenarioError(f"{source}: {fault}") from None
     return scenario
@@ -43,7 +47,8 @@ def scenario_text(scenario: Scenario) -> str:
     blocks: list[str] = []
     for name, section in sections.items():
         section.pop("manoeuvres", None)
-        if section:
+        # a shift is one by its section alone
+        if section or name == "shift":
             blocks.append(_block(f"[{name}]", section))
     blocks += [_block("[[campaign.manoeuvres]]", each) for each in manoeuvres]
     return "\n".join(blocks)

@@ -3,11 +3,15 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import polars as pl
 
-from analysis.simulation import SimulatedLog
+from analysis.simulation import Scenario, SimulatedLog
 from estimators.errors import LogError
+
+if TYPE_CHECKING:
+    from analysis.simulation.shift_logs import ShiftTruth
 
 
 def truth_path(log: Path) -> Path:
@@ -31,9 +35,23 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
     truth_path(log).write_text(json.dumps(truth, indent=2) + "\n", encoding="utf-8")
 
 
+def write_shift_truth(
+    truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
+) -> None:
+    """Write what is true of a whole shift: its cycles, stands and logs, in unix ns."""
+    named = truth.logs.insert_column(0, pl.Series("log", [log.name for log in logs]))
+    whole = {
+        "cycles": truth.cycles.to_dicts(),
+        "stands": truth.stands.to_dicts(),
+        "logs": named.to_dicts(),
+        "scenario": scenario.model_dump(mode="json"),
+    }
+    path.write_text(json.dumps(whole, indent=2) + "\n", encoding="utf-8")
+
+
 def has_truth(logs: Sequence[Path]) -> bool:
-    """Whether the truth lies beside every log."""
-    return all(truth_path(log).is_file() for log in logs)
+    """Whether the truth of trials lies beside every log: a shift has cycles, and no trials."""
+    return all(truth_path(log).is_file() and _has_trials(truth_path(log)) for log in logs)
 
 
 def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
@@ -49,6 +67,14 @@ def true_trials(logs: Sequence[Path]) -> pl.DataFrame:
         LogError: a truth file cannot be read, or is none.
     """
     return pl.concat([_trials(truth_path(log)) for log in logs])
+
+
+def _has_trials(path: Path) -> bool:
+    """False for a shift; what cannot be read is for `true_trials` to say."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8")).get("runs") != []
+    except (OSError, ValueError, AttributeError):
+        return True
 
 
 def _trials(path: Path) -> pl.DataFrame:

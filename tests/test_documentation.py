@@ -11,6 +11,7 @@ import typer
 from analysis.settings import Settings
 from analysis.simulation import Scenario
 from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
+from analysis.simulation.shift import SimulatedShift
 from analysis.simulation.waveforms import ForceWave, TorqueWave
 from replay.commands.cli import app
 
@@ -42,8 +43,9 @@ def test_every_setting_is_documented_under_its_stage() -> None:
 
 def test_every_key_of_a_scenario_is_documented_with_its_meaning() -> None:
     page = (REPO / "docs/simulating.md").read_text(encoding="utf-8")
-    models = [field.annotation for field in Scenario.model_fields.values()]
-    models += [Rest, Start, Spin, Arc, Excite, ForceWave, TorqueWave]
+    sections = [field.annotation for field in Scenario.model_fields.values()]
+    models = [each for each in sections if isinstance(each, type)]
+    models += [SimulatedShift, Rest, Start, Spin, Arc, Excite, ForceWave, TorqueWave]
     for model in models:
         for name, field in model.model_fields.items():  # pyright: ignore
             assert name == "kind" or f"| `{name}` |" in page
@@ -118,7 +120,7 @@ def test_every_example_machine_file_is_valid() -> None:
     from replay.toml_file import read_toml, validate
 
     for path in sorted((REPO / "examples").glob("*.toml")):
-        if path.name in ("campaign.toml", "inertia.toml", "planar.toml"):
+        if path.name in ("campaign.toml", "inertia.toml", "planar.toml", "shift.toml"):
             load_scenario(path)
         elif path.name == "calibration.toml":
             validate(path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError)

@@ -10,7 +10,7 @@ import numpy as np
 from analysis.simulation.arc import arc_phases
 from analysis.simulation.body import RigidBody
 from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start
-from analysis.simulation.recorder import TOPICS, rate_hz
+from analysis.simulation.recorder import rate_hz, topics_of
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.switches import check_switches
 from estimators.errors import ScenarioError
@@ -33,7 +33,11 @@ def check_limits(scenario: Scenario, loads_kg: Sequence[float]) -> None:
     """
     machine, full_N = scenario.machine, scenario.campaign.throttle_force_N
     check_switches(scenario)
-    if scenario.log.latency_jitter_s * max(rate_hz(scenario, topic) for topic in TOPICS) >= 1:
+    if (
+        scenario.log.latency_jitter_s
+        * max(rate_hz(scenario, topic) for topic in topics_of(scenario))
+        >= 1
+    ):
         raise ScenarioError(
             "log.latency_jitter_s: must be shorter than the period of every topic, "
             "so that messages are recorded in order"

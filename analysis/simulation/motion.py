@@ -51,6 +51,21 @@ class ManoeuvreTimes(NamedTuple):
     braking_s: float | None
     end_s: float
 
+    def since(self, begin_s: float) -> "ManoeuvreTimes":
+        """The same times, counted from `begin_s`."""
+
+        def later(time_s: float | None) -> float | None:
+            return None if time_s is None else time_s - begin_s
+
+        return ManoeuvreTimes(
+            self.kind,
+            self.start_s - begin_s,
+            later(self.drive_s),
+            later(self.steady_s),
+            later(self.braking_s),
+            self.end_s - begin_s,
+        )
+
 
 class Channels(NamedTuple):
     """The motion at n instants, each (n,): no noise, and nothing of the sensors in it."""

@@ -82,6 +82,8 @@ class DriveStage(NamedTuple):
     stick_rad_s: float = 0.0
     turn_rad_s: float = 0.0
     scrub_N_s_rad: float = 0.0
+    #: 1: ahead is along the way; -1: against it.
+    facing: float = 1.0
 
 
 @inlined
@@ -142,7 +144,7 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     slope = plant.slope_rad + plant.hills_rad * math.sin(
         plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
     )
-    gravity = plant.gravity_m_s2 * math.sin(slope)
+    gravity = stage.facing * plant.gravity_m_s2 * math.sin(slope)
     boom = plant.boom_N * math.sin(plant.boom_rad_s * t)
     force = _motor(y[DRIVE], wheel, plant)
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
@@ -176,7 +178,7 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     body_acc = wheel_acc
     if soft:
         body_acc = (spring + boom - filling) / body_kg - gravity
-    out[POSITION] = wheel
+    out[POSITION] = stage.facing * wheel
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0

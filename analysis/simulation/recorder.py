@@ -16,8 +16,15 @@ from analysis.simulation.waveforms import Floats
 TOPICS: Final[tuple[TopicName, ...]] = ("imu", "torque", "speed")
 
 
+def topics_of(scenario: Scenario) -> tuple[TopicName, ...]:
+    """The topics that are recorded."""
+    return TOPICS if scenario.shift is None else (*TOPICS, *scenario.shift.topics)
+
+
 def rate_hz(scenario: Scenario, topic: TopicName) -> float:
     """The rate of a topic."""
+    if topic == "gnss" and scenario.shift is not None:
+        return scenario.shift.gnss_rate_hz
     return scenario.sampling.rate_hz(topic, scenario.sensors.rate_hz)
 
 

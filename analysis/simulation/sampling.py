@@ -4,7 +4,7 @@ from typing import Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
-TopicName: TypeAlias = Literal["imu", "torque", "speed"]
+TopicName: TypeAlias = Literal["imu", "torque", "speed", "boom", "odometry", "gnss"]
 
 
 class SimulatedSampling(BaseModel):
@@ -42,27 +42,27 @@ class SimulatedSampling(BaseModel):
 
     def rate_hz(self, topic: TopicName, common_hz: float) -> float:
         """The rate of a topic, where `common_hz` is that of topics without their own."""
-        rates = {
+        rates: dict[str, float] = {
             "imu": self.imu_rate_hz,
             "torque": self.torque_rate_hz,
             "speed": self.speed_rate_hz,
         }
-        return rates[topic] or common_hz
+        return rates.get(topic) or common_hz
 
     def phase_s(self, topic: TopicName) -> float:
         """The phase of a topic; negative: it is drawn."""
-        phases = {
+        phases: dict[str, float] = {
             "imu": self.imu_phase_s,
             "torque": self.torque_phase_s,
             "speed": self.speed_phase_s,
         }
-        return phases[topic]
+        return phases.get(topic, -1.0)
 
     def clock_ppm(self, topic: TopicName) -> float:
         """How much faster than time a topic's clock runs."""
-        clocks = {
+        clocks: dict[str, float] = {
             "imu": self.imu_clock_ppm,
             "torque": self.torque_clock_ppm,
             "speed": self.speed_clock_ppm,
         }
-        return clocks[topic]
+        return clocks.get(topic, 0.0)

@@ -18,6 +18,7 @@ from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
 from analysis.simulation.loading import SimulatedLoading
 from analysis.simulation.manoeuvres import Manoeuvre, Rest, Start
 from analysis.simulation.sampling import SimulatedSampling
+from analysis.simulation.shift import SimulatedShift
 from analysis.simulation.starts import SimulatedStarts
 from analysis.simulation.waveforms import Floats
 
@@ -199,6 +200,7 @@ class Scenario(BaseModel):
     sampling: SimulatedSampling = SimulatedSampling()
     defects: SimulatedDefects = SimulatedDefects()
     log: SimulatedRecorder = SimulatedRecorder()
+    shift: SimulatedShift | None = None
 
     def seeded(self, seed: int) -> Self:
         """The same scenario with other noise."""

@@ -12,9 +12,10 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.simulation.hint_sensors import boom, gnss, odometry
 from analysis.simulation.lag import lagged
 from analysis.simulation.motion import Channels
-from analysis.simulation.recorder import TOPICS, instants_ns, phase_s, rate_hz, recorded
+from analysis.simulation.recorder import instants_ns, phase_s, rate_hz, recorded, topics_of
 from analysis.simulation.sampling import TopicName
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.streams import Streams
@@ -33,12 +34,13 @@ def measure(scenario: Scenario, timeline: Timeline, load_index: int) -> dict[str
         load_index: index of the log in the campaign, which random numbers are drawn from.
 
     Returns:
-        `imu`, `torque` and `speed`: `header_stamp_ns`, `log_time_ns`, and columns with the names,
-        units and signs of a machine file's channels (pitch positive nose-up). Each topic has its
-        own instants. Lost messages have no row; rows are in the order of recording.
+        `imu`, `torque`, `speed`, and what a shift has besides: `header_stamp_ns`, `log_time_ns`,
+        and columns with the names, units and signs of a machine file's channels (pitch positive
+        nose-up). Each topic has its own instants. Lost messages have no row; rows are in the order
+        of recording.
     """
     frames: dict[str, pl.DataFrame] = {}
-    for topic in TOPICS:
+    for topic in topics_of(scenario):
         phase = phase_s(scenario, topic, load_index)
         at_ns = instants_ns(timeline, rate_hz(scenario, topic), phase)
         streams = Streams(scenario.sensors.seed, load_index, timeline.trial(at_ns))
@@ -249,4 +251,11 @@ def _frozen(scenario: Scenario, since_ns: NDArray[np.int64]) -> NDArray[np.int64
 
 
 _Reader = Callable[[Scenario, Timeline, NDArray[np.int64], Streams], dict[str, Floats]]
-_READERS: Final[Mapping[TopicName, _Reader]] = {"imu": _imu, "torque": _torque, "speed": _speed}
+_READERS: Final[Mapping[TopicName, _Reader]] = {
+    "imu": _imu,
+    "torque": _torque,
+    "speed": _speed,
+    "boom": boom,
+    "odometry": odometry,
+    "gnss": gnss,
+}

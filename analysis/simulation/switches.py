@@ -9,6 +9,8 @@ from estimators.errors import ScenarioError
 
 def integrated_for(scenario: Scenario) -> str | None:
     """The first key of the scenario that needs the integrated plant; None: a trial is exact."""
+    if scenario.shift is not None:
+        return "shift"
     sections: dict[str, BaseModel] = {
         "drivetrain": scenario.drivetrain,
         "chassis": scenario.chassis,

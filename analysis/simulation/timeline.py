@@ -32,6 +32,17 @@ class DrivenManoeuvre(NamedTuple):
     throttle: float | None
 
 
+class Hints(NamedTuple):
+    """What a shift has besides its motion, each (n,).
+
+    Place along the way, and the angles of boom and bucket, positive up.
+    """
+
+    position_m: Floats
+    boom_rad: Floats
+    bucket_rad: Floats
+
+
 @dataclass(frozen=True)
 class Timeline:
     """One log from unix time `start_ns` on.
@@ -42,6 +53,7 @@ class Timeline:
         trial_ns: (trials + 1,) when each trial begins, and the last ends.
         driven: the manoeuvres, in order.
         sample: the motion at times (n,) in unix ns.
+        hints: likewise what a shift has besides; None in a campaign.
     """
 
     start_ns: int
@@ -49,6 +61,7 @@ class Timeline:
     trial_ns: NDArray[np.int64]
     driven: tuple[DrivenManoeuvre, ...]
     sample: Callable[[NDArray[np.int64]], Channels]
+    hints: Callable[[NDArray[np.int64]], Hints] | None = None
 
     def trial(self, time_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """The trial at each time; the rest after the last has the next number."""

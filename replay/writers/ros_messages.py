@@ -1,19 +1,25 @@
 """The ROS messages of a simulated log: which topic carries what, in the signs of REP-103."""
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from analysis.simulation import Scenario, SimulatedLog
+from replay.decoding.wire import CDR, ROS1
+from replay.writers.columns import Column, Ints
+from replay.writers.in_order import RecordedTopic
+from replay.writers.serialise import SameLayout, serialise
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-_Types: TypeAlias = Mapping[str, Any]
-_Fields: TypeAlias = Iterator[dict[str, Any]]
+    from replay.writers.serialise import Envelope
+
+_WHEELS: Final = ("front_left", "front_right")
+_JOINTS: Final = ("boom", "bucket")
 
 
 class Topic(NamedTuple):
@@ -22,99 +28,140 @@ class Topic(NamedTuple):
     name: str
     msgtype: str
     frame_id: str
-    fields: Callable[[pl.DataFrame, _Types, Scenario], _Fields]
+    fields: Callable[[pl.DataFrame, Scenario], dict[str, Column]]
 
 
-class Message(NamedTuple):
-    """One encoded message; `frame` is its key in `TOPICS`."""
-
-    log_time_ns: int
-    frame: str
-    data: bytes | memoryview
-
-
-def messages(log: SimulatedLog, typestore: "Typestore", *, ros1: bool) -> Iterator[Message]:
-    """Encode all messages of a log, in the order in which they were recorded.
+def recorded_topics(
+    log: SimulatedLog,
+    store: "Typestore",
+    connections: Mapping[str, int],
+    envelope: "Callable[[int, Ints], Envelope]",
+    *,
+    ros1: bool,
+) -> list[RecordedTopic]:
+    """The topics of a log as records of a container.
 
     Args:
         log: the simulated log.
-        typestore: the message definitions of a ROS distribution.
+        store: the message definitions of a ROS distribution.
+        connections: by topic's key in `TOPICS` its number in the container.
+        envelope: what stands before messages of a connection recorded at times (n,).
         ros1: whether that is a distribution of ROS 1.
     """
-    types = typestore.types
-    serialize = typestore.serialize_ros1 if ros1 else typestore.serialize_cdr
-    rows: list[tuple[int, str, Any]] = []
-    for name, frame in log.topics.items():
-        topic = TOPICS[name]
-        headers = _headers(frame, topic.frame_id, types, ros1=ros1)
-        bodies = topic.fields(frame, types, log.scenario)
-        for time_ns, header, body in zip(frame["log_time_ns"], headers, bodies, strict=True):
-            rows.append((time_ns, name, types[topic.msgtype](header=header, **body)))
-    rows.sort(key=lambda row: row[0])
-    for time_ns, name, message in rows:
-        yield Message(time_ns, name, serialize(message, TOPICS[name].msgtype))
+
+    def topic(name: str, frame: pl.DataFrame) -> RecordedTopic:
+        ordered = frame.sort("log_time_ns", maintain_order=True)
+        times = ordered["log_time_ns"].to_numpy()
+
+        def records(first: int, last: int) -> list[SameLayout]:
+            part = ordered.slice(first, last - first)
+            return serialise(
+                store,
+                TOPICS[name].msgtype,
+                message_columns(name, part, log.scenario, first),
+                last - first,
+                ROS1 if ros1 else CDR,
+                envelope(connections[name], times[first:last]),
+            )
+
+        return RecordedTopic(connections[name], times, records)
+
+    return [topic(name, frame) for name, frame in log.topics.items()]
 
 
-def _headers(frame: pl.DataFrame, frame_id: str, types: _Types, *, ros1: bool) -> Iterator[Any]:
-    header, time = types["std_msgs/msg/Header"], types["builtin_interfaces/msg/Time"]
-    for count, stamp_ns in enumerate(frame["header_stamp_ns"]):
-        stamp = time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
-        # only the header of ROS 1 counts
-        counter = {"seq": count} if ros1 else {}
-        yield header(stamp=stamp, frame_id=frame_id, **counter)
+def message_columns(
+    name: str, frame: pl.DataFrame, scenario: Scenario, first: int = 0
+) -> dict[str, Column]:
+    """The messages of a topic by columns.
+
+    Args:
+        name: its key in `TOPICS`.
+        frame: its rows.
+        scenario: that was simulated.
+        first: number of the first row, which the header of ROS 1 counts.
+    """
+    topic = TOPICS[name]
+    stamp_ns = frame["header_stamp_ns"].to_numpy()
+    header: dict[str, Column] = {
+        "seq": np.arange(first, first + frame.height),
+        "stamp": {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9},
+        "frame_id": topic.frame_id,
+    }
+    return {"header": header, **topic.fields(frame, scenario)}
 
 
-def _imu(frame: pl.DataFrame, types: _Types, _scenario: Scenario) -> _Fields:
-    vector, quaternion = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Quaternion"]
+def _pairs(frame: pl.DataFrame, *names: str) -> NDArray[np.float64]:
+    """Columns (n, names)."""
+    return np.column_stack([frame[name].to_numpy() for name in names])
+
+
+def _imu(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
     # REP-103: y points left, so that a positive pitch is nose-down
     half = -frame["pitch_rad"].to_numpy() / 2
     roll = frame["roll_rad"].to_numpy() / 2
-    columns = frame.select(
-        *(f"specific_force_{axis}_m_s2" for axis in "xyz"),
-        *(f"{axis}_rate_rad_s" for axis in ("roll", "pitch", "yaw")),
-        pl.Series("quaternion_x", np.sin(roll) * np.cos(half)),
-        pl.Series("quaternion_y", np.cos(roll) * np.sin(half)),
-        # without roll 0, not -0
-        pl.Series("quaternion_z", -np.sin(roll) * np.sin(half) + 0.0),
-        pl.Series("quaternion_w", np.cos(roll) * np.cos(half)),
-    )
-    # a covariance of zeros says that it is not known
-    unknown = {
-        f"{of}_covariance": np.zeros(9)
-        for of in ("orientation", "angular_velocity", "linear_acceleration")
+    # a covariance of zeros, as those are that are left out, says that it is not known
+    return {
+        "orientation": {
+            "x": np.sin(roll) * np.cos(half),
+            "y": np.cos(roll) * np.sin(half),
+            # without roll 0, not -0
+            "z": -np.sin(roll) * np.sin(half) + 0.0,
+            "w": np.cos(roll) * np.cos(half),
+        },
+        "angular_velocity": {
+            "x": frame["roll_rate_rad_s"].to_numpy(),
+            "y": frame["pitch_rate_rad_s"].to_numpy(),
+            "z": frame["yaw_rate_rad_s"].to_numpy(),
+        },
+        "linear_acceleration": {
+            axis: frame[f"specific_force_{axis}_m_s2"].to_numpy() for axis in "xyz"
+        },
     }
-    for acc_x, acc_y, acc_z, roll_rate, pitch_rate, yaw_rate, *turned in columns.iter_rows():
-        yield {
-            "orientation": quaternion(*turned),
-            "angular_velocity": vector(x=roll_rate, y=pitch_rate, z=yaw_rate),
-            "linear_acceleration": vector(x=acc_x, y=acc_y, z=acc_z),
-            **unknown,
-        }
 
 
-def _torque(frame: pl.DataFrame, _types: _Types, _scenario: Scenario) -> _Fields:
-    return _joints("effort", frame.select("torque_left_N_m", "torque_right_N_m").to_numpy())
+def _torque(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    wheels = _pairs(frame, "torque_left_N_m", "torque_right_N_m")
+    return {"name": _WHEELS, "effort": wheels}
 
 
-def _speed(frame: pl.DataFrame, _types: _Types, scenario: Scenario) -> _Fields:
-    speeds = frame.select("speed_left_m_s", "speed_right_m_s").to_numpy()
-    return _joints("velocity", speeds / scenario.machine.wheel_radius_m)
+def _speed(frame: pl.DataFrame, scenario: Scenario) -> dict[str, Column]:
+    wheels = _pairs(frame, "speed_left_m_s", "speed_right_m_s")
+    return {"name": _WHEELS, "velocity": wheels / scenario.machine.wheel_radius_m}
 
 
-def _joints(field: str, wheels: NDArray[np.float64]) -> _Fields:
-    empty = np.zeros(0)
-    for row in np.ascontiguousarray(wheels):
-        yield {
-            "name": ["front_left", "front_right"],
-            "position": empty,
-            "velocity": empty,
-            "effort": empty,
-            field: row,
-        }
+def _boom(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    return {"name": _JOINTS, "position": _pairs(frame, "boom_rad", "bucket_rad")}
+
+
+def _odometry(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    half = frame["heading_rad"].to_numpy() / 2
+    place: dict[str, Column] = {"x": frame["position_x_m"].to_numpy()}
+    turned: dict[str, Column] = {"z": np.sin(half), "w": np.cos(half)}
+    twist: dict[str, Column] = {
+        "linear": {"x": frame["speed_x_m_s"].to_numpy()},
+        "angular": {"z": frame["yaw_rate_rad_s"].to_numpy()},
+    }
+    return {
+        "child_frame_id": "base_link",
+        "pose": {"pose": {"position": place, "orientation": turned}},
+        "twist": {"twist": twist},
+    }
+
+
+def _gnss(frame: pl.DataFrame, _scenario: Scenario) -> dict[str, Column]:
+    return {
+        # a fix by GPS, of unknown covariance
+        "status": {"status": 0, "service": 1},
+        "latitude": frame["latitude_deg"].to_numpy(),
+        "longitude": frame["longitude_deg"].to_numpy(),
+    }
 
 
 TOPICS: Final = {
     "imu": Topic("/imu/data", "sensor_msgs/msg/Imu", "imu_link", _imu),
     "torque": Topic("/wheels/torque", "sensor_msgs/msg/JointState", "base_link", _torque),
     "speed": Topic("/wheels/speed", "sensor_msgs/msg/JointState", "base_link", _speed),
+    "boom": Topic("/boom/angles", "sensor_msgs/msg/JointState", "boom_link", _boom),
+    "odometry": Topic("/odometry", "nav_msgs/msg/Odometry", "odom", _odometry),
+    "gnss": Topic("/gnss/fix", "sensor_msgs/msg/NavSatFix", "gnss_link", _gnss),
 }

@@ -26,7 +26,7 @@ SHORT = Scenario.model_validate(
 ONE = Scenario.model_validate(
     {"campaign": {"loads_kg": [50], "runs": 1, "standstill_s": 0, "rest_s": 0}}
 )
-SUFFIXES = ["bag", "mcap", "csv", ""]
+SUFFIXES = ["bag", "mcap", "db3", "csv", ""]
 
 
 def named(folder, suffix):
@@ -47,7 +47,7 @@ def stamp_ns(message):
     return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
 
 
-@pytest.mark.parametrize("suffix", ["bag", "mcap", ""])
+@pytest.mark.parametrize("suffix", ["bag", "mcap", "db3", ""])
 def test_messages_read_back_hold_exactly_the_simulated_numbers(tmp_path, suffix):
     paths = simulate(SHORT, named(tmp_path, suffix))
     for log, path in zip(simulate_campaign(SHORT), paths, strict=True):
@@ -213,7 +213,7 @@ def test_a_folder_log_replaces_a_file_of_its_name_with_force(tmp_path):
 @pytest.mark.parametrize(
     ("output", "says"),
     [
-        ("log.db3", "no format '.db3'; use .bag, .mcap, .csv"),
+        ("log.zip", "no format '.zip'; use .bag, .mcap, .db3, .csv"),
         ("absent/log.bag", "no folder"),
         ("file/log.bag", "no folder"),
     ],

@@ -1,0 +1,114 @@
+"""A shift of a loader: from pile to dump and back, again and again, with what interrupts it."""
+
+from typing import Literal, Self, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+ShiftTopic: TypeAlias = Literal["boom", "odometry", "gnss"]
+
+
+class SimulatedShift(BaseModel):
+    """A shift instead of a campaign: cycles of digging, hauling and dumping, and breaks.
+
+    Starts are as `[starts]` and `[campaign]` (throttle, valves, brakes) have them. The machine
+    turns on the spot, so that the ground may slope along the way from the dump to the pile.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    duration_h: float = Field(
+        default=1.0, ge=0.01, le=12, description="how long; the cycle that has begun is finished"
+    )
+    logs: int = Field(
+        default=1, ge=1, le=100, description="logs of about the same length: the recorder restarts"
+    )
+    restart_s: float = Field(
+        default=5.0, ge=0, le=600, description="longest time between two of them, uniform"
+    )
+    damaged_logs: int = Field(
+        default=0, ge=0, le=100, description="so many of them lose their end: the file is torn off"
+    )
+    damage_share: float = Field(
+        default=0.02, gt=0, lt=1, description="part that such a log loses at most, uniform"
+    )
+    load_kg: float = Field(
+        default=700.0, gt=0, le=1e5, description="mean load in the bucket when it is hauled"
+    )
+    load_std_kg: float = Field(
+        default=120.0, ge=0, le=1e5, description="standard deviation of loads, normal"
+    )
+    load_least_kg: float = Field(default=200.0, gt=0, le=1e5, description="no load is less")
+    load_most_kg: float = Field(default=1100.0, gt=0, le=1e5, description="or more")
+    carry_back_kg: float = Field(
+        default=10.0, ge=0, le=1e4, description="mean of what stays in the bucket, exponential"
+    )
+    carry_back_most_kg: float = Field(default=60.0, ge=0, le=1e4, description="and its most")
+    haul_m: float = Field(
+        default=40.0, ge=12, le=1000, description="from the dump to the pile, uphill if it slopes"
+    )
+    haul_starts_most: int = Field(
+        default=3, ge=1, le=20, description="starts of a loaded haul, one to this, any as likely"
+    )
+    empty_starts_most: int = Field(default=2, ge=1, le=20, description="likewise of an empty drive")
+    reverse_share: float = Field(
+        default=0.2, ge=0, le=1, description="share of hauls that are driven backwards, not turned"
+    )
+    pause_s: float = Field(
+        default=2.5, ge=0.2, le=60, description="mean stand between starts, uniform, half to 1.5"
+    )
+    dig_s: float = Field(default=4.0, ge=1, le=60, description="throttle open in the pile")
+    digging_N: float = Field(
+        default=4000.0, ge=0, le=1e6, description="resistance of the pile, growing while digging"
+    )
+    back_m: float = Field(default=5.0, ge=2, le=5.5, description="backwards out of pile and dump")
+    turn_rad_s: float = Field(
+        default=0.5, gt=0, le=3, description="highest yaw rate of a half turn on the spot"
+    )
+    dump_s: float = Field(default=6.0, ge=2, le=60, description="stand to dump")
+    idle_share: float = Field(
+        default=0.05, ge=0, le=1, description="share of cycles after which the machine idles"
+    )
+    idle_s: float = Field(
+        default=90.0, gt=0, le=3600, description="mean of that, exponential, 10 s at least"
+    )
+    break_after_h: float = Field(
+        default=0.0, ge=0, le=12, description="the operator's break begins after this; 0: none"
+    )
+    break_s: float = Field(default=1800.0, gt=0, le=7200, description="how long it is")
+    fuel_tank_kg: float = Field(
+        default=60.0, ge=0, le=1e4, description="fuel in machine.mass_kg when the shift begins"
+    )
+    fuel_kg_h: float = Field(default=8.0, ge=0, le=1e3, description="what is burnt of it")
+    refuel_share: float = Field(
+        default=0.25, ge=0, lt=1, description="part of the tank at which it is filled again"
+    )
+    refuel_s: float = Field(default=300.0, ge=0, le=7200, description="how long that takes")
+    topics: tuple[ShiftTopic, ...] = Field(
+        default=("boom",), description="what is recorded besides: boom, odometry, gnss"
+    )
+    boom_noise_rad: float = Field(
+        default=0.003, ge=0, le=1, description="of the angles of boom and bucket"
+    )
+    gnss_rate_hz: float = Field(default=10.0, gt=0, le=1000, description="of positions")
+    gnss_noise_m: float = Field(default=0.5, ge=0, le=100, description="of each of both axes")
+    latitude_deg: float = Field(default=49.0, ge=-85, le=85, description="of the dump")
+    longitude_deg: float = Field(default=8.4, ge=-180, le=180, description="likewise")
+    bearing_deg: float = Field(
+        default=30.0, ge=-360, le=360, description="from the dump to the pile, clockwise of north"
+    )
+
+    @model_validator(mode="after")
+    def _values_fit_together(self) -> Self:
+        if not self.load_least_kg <= self.load_kg <= self.load_most_kg:
+            raise ValueError("'load_kg' is not between 'load_least_kg' and 'load_most_kg'")
+        if self.carry_back_most_kg >= self.load_least_kg:
+            raise ValueError("'carry_back_most_kg' is not less than 'load_least_kg'")
+        if self.logs > 1 and self.restart_s > 0.3 * self.duration_h * 3600.0 / self.logs:
+            raise ValueError("'restart_s' leaves hardly anything of a log; give fewer 'logs'")
+        if self.damaged_logs > self.logs:
+            raise ValueError("'damaged_logs' are more than 'logs'")
+        if len(set(self.topics)) < len(self.topics):
+            raise ValueError("a topic of 'topics' appears twice")
+        if self.fuel_kg_h * self.duration_h > self.fuel_tank_kg and not self.refuel_share:
+            raise ValueError("'fuel_tank_kg' does not last; give 'refuel_share'")
+        return self

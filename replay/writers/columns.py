@@ -1,0 +1,76 @@
+"""Values of many messages by columns, as they come to be serialised.
+
+A column is one value for all messages (a number, a text, a list or tuple of values, a mapping by
+field), a NumPy array with a row a message, or, where lengths differ, `Ragged`. A field that is not
+named is empty: 0, no text, no elements.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Ints: TypeAlias = NDArray[np.int64]
+Column: TypeAlias = (
+    "NDArray[Any] | Ragged | Mapping[str, Column] | Sequence[Column] | str | float | None"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Ragged:
+    """Lists or texts whose lengths differ.
+
+    Attributes:
+        lengths: (n,) elements of each list; of a text its bytes in UTF-8.
+        content: the column of all elements, one list after the other; of texts (bytes,) uint8.
+    """
+
+    lengths: Ints
+    content: Column
+
+    @classmethod
+    def texts(cls, values: Sequence[str]) -> "Ragged":
+        """A text a message."""
+        encoded = [value.encode() for value in values]
+        lengths = np.fromiter(map(len, encoded), np.int64, len(encoded))
+        return cls(lengths, np.frombuffer(b"".join(encoded), np.uint8))
+
+    @property
+    def starts(self) -> Ints:
+        """(n,) where each list begins in the content."""
+        return np.cumsum(self.lengths) - self.lengths
+
+
+def shapes(column: Column) -> Ints | None:
+    """Numbers (n,) that are equal where all lengths in a column are; None: they are everywhere."""
+    if isinstance(column, Ragged):
+        return _shapes_of_lists(column)
+    if isinstance(column, Mapping):
+        return _joint([shapes(each) for each in column.values()])
+    if isinstance(column, list | tuple):
+        return _joint([shapes(each) for each in column])
+    return None
+
+
+def _joint(found: Sequence[Ints | None]) -> Ints | None:
+    known = [each for each in found if each is not None]
+    if len(known) < 2:
+        return known[0] if known else None
+    return np.unique(np.column_stack(known), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _shapes_of_lists(column: Ragged) -> Ints:
+    inside, lengths = shapes(column.content), column.lengths
+    if inside is None:
+        return lengths
+    numbers = np.zeros(lengths.size, np.int64)
+    known = 0
+    for length in np.unique(lengths):
+        rows = np.flatnonzero(lengths == length)
+        elements = inside[column.starts[rows][:, None] + np.arange(length)]
+        kinds, inverse = np.unique(elements, axis=0, return_inverse=True)
+        numbers[rows] = known + inverse.reshape(-1)
+        known += max(len(kinds), 1)
+    return numbers
