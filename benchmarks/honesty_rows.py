@@ -246,6 +246,9 @@ LOADS = (
 )
 
 
+EMPTY_FIRST = ("settings.loads.empty_from_s=0.0", "settings.loads.empty_to_s=30.0")
+
+
 def load_tasks(logs: int) -> Iterator[Task]:
     """Machines that are loaded several times in one time line."""
     for number in range(logs):
@@ -262,9 +265,10 @@ def load_log(task: Task) -> Weighed:
             "campaign": {"loads_kg": [0.0, 250.0], "runs": runs},
             "sensors": {"seed": task.seed},
         }
-        # one start tells no repeatability
+        # one start tells no repeatability, nor which of two is empty
         known = {} if runs > 1 else {"repeatability_kg": 1.0}
-        return weighed(task.name, "loader", joined(LOADER, loader), (POOLED,), body=known)
+        said = () if runs > 1 else EMPTY_FIRST
+        return weighed(task.name, "loader", joined(LOADER, loader), (POOLED, *said), body=known)
     for again in range(20):
         design = drawn(task.seed + 500 * again)
         size = design["machine"]["mass_kg"] / LOADER["machine"]["mass_kg"]

@@ -107,7 +107,7 @@ def averages(
         found.slip_s_m,
         found.transfer_s2_m,
     )
-    stride = max(1, samples // _ROWS_A_MEAN)
+    stride = stride_of(samples)
     group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
     kept = _thinned(group, stride)
 
@@ -130,6 +130,11 @@ def averages(
         _noise_moments(terms, raw, group, covariances, which, weight, kept),
         max(_SHORTEST // stride, 6),
     )
+
+
+def stride_of(samples: int) -> int:
+    """Every so many-th mean of so many samples is fitted."""
+    return max(1, samples // _ROWS_A_MEAN)
 
 
 def _since(group: Ints) -> Ints:

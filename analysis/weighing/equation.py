@@ -104,6 +104,13 @@ class Equation:
             boom=None if self.boom is None else self.boom[cut],
         )
 
+    def without(self, samples: Bools) -> "Equation":
+        """The same without some of the samples, stretches numbered anew."""
+        group = np.where(samples, -1, self.group)
+        left = group >= 0
+        group[left] = np.unique(group[left], return_inverse=True)[1]
+        return replace(self, group=group)
+
     def with_force_moved_back(self, lag_s: float) -> "Equation":
         """The same with the force moved back by how late it is."""
         return replace(self, force=self._moved_back(self.force, lag_s))

@@ -20,6 +20,8 @@ _ALIKE: Final = 2.0
 _HEAVIER: Final = 3.0
 #: Others are as light within so many deviations of their difference.
 _AS_LIGHT: Final = 3.0
+#: So many manoeuvres are named, the others counted.
+_TOLD: Final = 3
 _NOT_EMPTY: Final = (
     "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
     "machine's empty mass"
@@ -45,7 +47,7 @@ def loads(
     rows = [
         _load(weighing, state, empty, times[state], machine, verdict) for state in range(fit.count)
     ]
-    said = _said(fit, machine)
+    said = "; ".join(filter(None, (_said(fit, machine), _growing(weighing, excitation))))
     if machine.settings.loads.empty_from_s is not None and not empty:
         said = "; ".join(filter(None, (_NOT_EMPTY, said)))
     said = pl.Series("said", [said] * len(rows))
@@ -234,6 +236,18 @@ def _said(fit: JointFit, machine: Machine) -> str:
     if machine.machine.repeatability_kg is None and not states.scatter_known:
         said.append("repeatability unknown: too few manoeuvres tell how they scatter")
     return "; ".join(said)
+
+
+def _growing(weighing: Weighing, excitation: pl.DataFrame) -> str:
+    """The manoeuvres in which the load changes."""
+    t_ns = excitation["t_ns"].to_numpy()
+    told = [
+        f"the load changes within the manoeuvre at {t_ns[each.first] / 1e9:,.1f} s, by about "
+        f"{each.kg:+,.0f} ± {each.std_kg:,.0f} kg: it is left out"
+        for each in weighing.growing
+    ]
+    more = [f"so it does within {len(told) - _TOLD} more"] if len(told) > _TOLD else []
+    return "; ".join(told[:_TOLD] + more)
 
 
 def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.DataFrame:

@@ -11,6 +11,7 @@ from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
+from analysis.weighing.growth import Growth, growing
 from analysis.weighing.joint_fit import JointFit, again, joint_fit, with_states
 from analysis.weighing.nuisances import CURVATURE
 
@@ -62,6 +63,7 @@ class Weighing:
         braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
             driving alone can contradict.
         curvature: what a term in a·|a| finds.
+        growing: the manoeuvres whose load changes while they drive; they are not fitted.
     """
 
     fit: JointFit
@@ -71,6 +73,7 @@ class Weighing:
     braking_left_out: bool
     braking_doubted: bool
     curvature: Curvature
+    growing: tuple[Growth, ...]
 
 
 @dataclass(frozen=True)
@@ -130,9 +133,13 @@ def weigh(
     if whole.used.sum() < _FEWEST:
         return None
     fit = of_states(whole)
+    grown = growing(fit, columns)
+    if grown:
+        # one mass says nothing of them, and would say something wrong of the others' friction
+        fit = of_states(_without(whole, grown))
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
-        driving = motion(braking=False)
+        driving = _without(motion(braking=False), grown)
         if driving.used.sum() >= _FEWEST:
             alone = joint_fit(driving, columns, priors, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
@@ -152,7 +159,13 @@ def weigh(
         left_out,
         doubted,
         curvature(fit, columns, priors),
+        grown,
     )
+
+
+def _without(motion: Equation, grown: tuple[Growth, ...]) -> Equation:
+    """The same without the manoeuvres whose load changes."""
+    return motion.without(np.isin(motion.unit, [each.unit for each in grown]))
 
 
 def _apart_kg(one: JointFit, other: JointFit) -> float:

@@ -1,5 +1,7 @@
 """Load states of whole logs: masses, payloads, and what is said of them."""
 
+import re
+
 import numpy as np
 import polars as pl
 import pytest
@@ -167,3 +169,31 @@ def test_a_load_that_comes_and_goes_is_never_one_narrow_mass():
     for load in loads.iter_rows(named=True):
         if load["mass_kg"] is not None and load["manoeuvres"] > 1:
             assert load["u_kg"] > 30.0
+
+
+@pytest.fixture(scope="module")
+def filling():
+    """Five starts with one load, and a sixth in which the bucket fills by 200 kg a second."""
+    logs = logs_of([0.0, 1.0], [5, 1])
+    campaign = {**LOADER["campaign"], "loads_kg": [0.0, 1.0], "runs": 1}
+    sections = {**LOADER, "campaign": campaign, "loading": {"fill_kg_s": 200.0}}
+    logs[1] = list(simulate_campaign(Scenario.model_validate(sections)))[1]
+    return run([MemoryLog(log) for log in logs], reading_memory(machine(POOLED), logs[0]))
+
+
+class TestALoadThatChangesUnderWay:
+    def test_the_manoeuvre_is_named_with_what_it_gained(self, filling):
+        (said,) = filling.frames["loads"]["said"]
+        found = re.search(r"within the manoeuvre at 141.0 s, by about \+([\d,]+) ± (\d+) kg", said)
+        assert found, said
+        # it drives for 4.8 s
+        gained_kg, std_kg = (float(text.replace(",", "")) for text in found.groups())
+        assert abs(gained_kg - 960.0) < 3.0 * std_kg
+
+    def test_it_is_left_out_of_what_the_others_say(self, filling):
+        load = filling.frames["loads"].row(0, named=True)
+        assert load["manoeuvres"] == 5
+        assert abs(load["mass_kg"] - 3614.0) < 2.0 * load["u_kg"] < 200.0
+
+    def test_loads_that_change_standing_are_no_such_thing(self, two):
+        assert "within" not in "".join(two.frames["loads"]["said"])

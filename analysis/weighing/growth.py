@@ -1,0 +1,93 @@
+"""A load that changes while the machine drives: what each manoeuvre says of it by itself.
+
+What the joint fit leaves of a manoeuvre is compared with a mass that grows over it evenly, and that
+with the other manoeuvres: what all do alike is in the terms that they share, and is not seen here.
+"""
+
+from dataclasses import dataclass
+from itertools import compress
+from typing import Final
+
+import numpy as np
+from scipy.stats import norm
+
+from analysis.weighing.averages import averages, stride_of
+from analysis.weighing.equation import Floats, NoiseOfColumns
+from analysis.weighing.joint_fit import JointFit
+from analysis.weighing.states import stretch_units
+from estimators.autocorrelation import student_factor
+
+#: A manoeuvre of fewer rows tells nothing of it.
+_FEWEST_ROWS: Final = 20
+#: Fewer manoeuvres do not tell what is usual.
+_FEWEST: Final = 4
+#: A standard deviation over the median distance from the median, of normal numbers.
+_OF_MEDIAN: Final = 1.4826
+#: Of all manoeuvres of a log, one is said to change by mistake with this probability.
+_BY_MISTAKE: Final = 0.01
+#: Mass, friction and constant of its own: a start may differ in all of them.
+_OWN: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """A manoeuvre whose load grows, or falls, while it drives.
+
+    Attributes:
+        unit: its number, as the samples have it.
+        first: its first fitted sample.
+        kg: by how much, beyond what is usual, from its first to its last fitted sample.
+        std_kg: the standard deviation of that.
+    """
+
+    unit: int
+    first: int
+    kg: float
+    std_kg: float
+
+
+def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
+    """The manoeuvres whose load changes by more than chance makes of so many."""
+    if fit.states is None or not np.isfinite(fit.fit.residual_rms):
+        return ()
+    rows = averages(fit.motion, noise, fit.terms, fit.mean_samples, fit.found)
+    unit = np.where(rows.group >= 0, stretch_units(fit.motion)[np.maximum(rows.group, 0)], -1)
+    parts = [np.flatnonzero(unit == each) for each in fit.states.unit]
+    told = [part.size >= _FEWEST_ROWS for part in parts]
+    if sum(told) < _FEWEST:
+        return ()
+    slopes = [_slope(rows.A[part], fit.fit.residual[part]) for part in compress(parts, told)]
+    kg, square = np.array(slopes).T
+    kg = kg - np.median(kg)
+    usual = _OF_MEDIAN * float(np.median(np.abs(kg)))
+    std_kg = np.sqrt(_variance(fit, noise) / square + usual**2)
+    limit = norm.isf(_BY_MISTAKE / 2.0 / kg.size) * student_factor(kg.size - 1)
+    number = fit.states.unit[told]
+    of_sample = np.full(fit.motion.group.size, -1)
+    of_sample[fit.motion.used] = stretch_units(fit.motion)[fit.motion.group[fit.motion.used]]
+    return tuple(
+        Growth(
+            int(number[k]), int(np.argmax(of_sample == number[k])), float(kg[k]), float(std_kg[k])
+        )
+        for k in np.flatnonzero(np.abs(kg) > limit * std_kg)
+    )
+
+
+def _slope(A: Floats, residual: Floats) -> tuple[float, float]:
+    """How much a residual grows with a mass, and the information about it.
+
+    The manoeuvre's own mass, friction and constant are aside.
+    """
+    own = A[:, :_OWN]
+    grows = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
+    grows = grows - own @ np.linalg.lstsq(own, grows)[0]
+    square = float(grows @ grows)
+    return float(grows @ residual) / square, square
+
+
+def _variance(fit: JointFit, noise: NoiseOfColumns) -> float:
+    """Of a row of the fit by the instruments' noise, added up over rows that overlap, in N²."""
+    samples = fit.mean_samples
+    gradient = np.array([fit.mass_kg, fit.friction[0], -1.0])
+    overlap = samples / stride_of(samples)
+    return overlap * float(gradient @ noise.covariance(samples) @ gradient)
