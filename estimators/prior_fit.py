@@ -29,9 +29,8 @@ _LEAST_OF_WHITE: Final = 0.1
 _DISAGREE: Final = 2.5
 #: What all groups miss alike counts from this ratio to its noise on.
 _MISFIT: Final = 2.0
-#: With fewer groups the deviation by the residuals counts so many times.
+#: What the fit takes out of the residuals of fewer groups is put back.
 _FEW_GROUPS: Final = 3
-_OF_FEW: Final = 2.0
 _ROUNDS: Final = 4
 
 
@@ -163,8 +162,10 @@ def fit(
     shape = _Shape(Levels(one, np.arange(one.size)) if levels is None else levels, p, scale[0])
     precision = np.where(np.isfinite(prior_std), (prior_std * scale) ** -2.0, 0.0)
     believed = precision * prior_mean * scale
+    # a fit of few parameters takes nothing out of many groups
+    taken = A if grouping.taken is None and len(sums.rows) < _FEW_GROUPS else grouping.taken
     try:
-        solved = _solved(A, f, group, sums, shape, precision, believed, grouping.taken)
+        solved = _solved(A, f, group, sums, shape, precision, believed, taken)
     except np.linalg.LinAlgError:
         return _nothing(p + count - 1, f.size)
     theta, bread, gain, residual, correlation, white, share, kept, turned = solved
@@ -181,9 +182,6 @@ def fit(
     covariance = gain @ (_at_least(shape.square(meats), turned.gram) * white) @ gain.T
     covariance *= student_factor(max(n / alike - theta.size, 1.0)) ** 2
     told = [i for i, part in enumerate(sums.rows) if part.size >= grouping.shortest]
-    if len(told) < _FEW_GROUPS:
-        # nothing tells what they miss alike, or how they scatter
-        covariance *= _OF_FEW**2
     own = shape.by_group(theta)
     cleaned = sums.grams - kept * sums.noise_gram
     scores = (sums.crosses - kept * sums.noise_cross) - np.einsum("gij,gj->gi", cleaned, own)
@@ -392,7 +390,6 @@ def _solved(
         theta = bread @ (weighed @ turned.bare + wide_believed)
         own = shape.by_group(theta)
         residual = np.where(used, f - np.einsum("ni,ni->n", A, own[index]), 0.0)
-        # what a fit of few parameters takes out of many groups is nothing
         correlation, _ = pooled_autocorrelation(residual, group, taken)
         white = float(residual @ residual) / (n - theta.size)
         gain = bread @ weighed

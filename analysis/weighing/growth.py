@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from scipy.stats import norm
 
-from analysis.weighing.averages import averages, stride_of
-from analysis.weighing.equation import Floats, NoiseOfColumns
+from analysis.weighing.averages import Averages, averages, stride_of
+from analysis.weighing.equation import Floats, Ints, NoiseOfColumns
 from analysis.weighing.joint_fit import JointFit
 from analysis.weighing.states import stretch_units
 from estimators.autocorrelation import student_factor
@@ -56,7 +56,8 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
     told = [part.size >= _FEWEST_ROWS for part in parts]
     if sum(told) < _FEWEST:
         return ()
-    slopes = [_slope(rows.A[part], fit.fit.residual[part]) for part in compress(parts, told)]
+    left = _left(fit, rows, unit)
+    slopes = [_slope(rows.A[part], left[part]) for part in compress(parts, told)]
     kg, square = np.array(slopes).T
     kg = kg - np.median(kg)
     usual = _OF_MEDIAN * float(np.median(np.abs(kg)))
@@ -71,6 +72,18 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
         )
         for k in np.flatnonzero(np.abs(kg) > limit * std_kg)
     )
+
+
+def _left(fit: JointFit, rows: Averages, unit: Ints) -> Floats:
+    """What the fit leaves of the rows, (n,) in N; anything where they are of no manoeuvre."""
+    assert fit.states is not None
+    theta = fit.fit.theta[fit.count :].copy()
+    if fit.shifted:
+        # the force has been moved back by it
+        theta[1 + [term.name for term in fit.terms].index("lag")] = 0.0
+    place = np.searchsorted(fit.states.unit, np.maximum(unit, fit.states.unit[0]))
+    masses = fit.fit.theta[: fit.count][fit.states.of[place]]
+    return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ theta
 
 
 def _slope(A: Floats, residual: Floats) -> tuple[float, float]:
