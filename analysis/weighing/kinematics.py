@@ -120,8 +120,10 @@ def _compared(
         offset = slip_1_N * const_width(motion, priors)
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
-    def solved(rows: _Rows, std: Floats, delay_s: float) -> prior_fit.PriorFit:
-        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=_lines(rows[2]))
+    def solved(
+        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None = None
+    ) -> prior_fit.PriorFit:
+        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken)
         return prior_fit.fit(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
     rows = _rows(measured, motion, noise, 0.0)
@@ -138,12 +140,14 @@ def _compared(
         delay_s = float(np.clip(delay_s + wide.theta[2], -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
         rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s)
+    lines = _lines(rows[2])
+    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines)
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
     counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
     std = widths(_WIDE_GAIN if counts else priors.gain, about)
-    found = wide if counts else solved(rows, std, delay_s)
+    found = wide if counts else solved(rows, std, delay_s, lines)
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
