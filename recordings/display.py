@@ -162,11 +162,18 @@ def _threshold(run: Run, view: View) -> float:
     return float(run.provenance.settings.value(str(view.threshold)))
 
 
+#: So many lines of so few points are too short to be seen.
+_MANY_LINES: Final = 12
+_SHORT_LINE: Final = 3
+
+
 def stands_alone(numbers: pl.Series) -> bool:
-    """Whether most numbers have no neighbour to draw a line to."""
+    """Whether most numbers have no neighbour to draw a line to, or few, in many short lines."""
     there = numbers.is_not_null()
-    alone = there & ~there.shift(1, fill_value=False) & ~there.shift(-1, fill_value=False)
-    return 2 * alone.sum() > there.sum()
+    begins = (there & ~there.shift(1, fill_value=False)).sum()
+    alone = (there & ~there.shift(1, fill_value=False) & ~there.shift(-1, fill_value=False)).sum()
+    short = begins > _MANY_LINES and there.sum() <= _SHORT_LINE * begins
+    return 2 * alone > there.sum() or short
 
 
 def _period_ns(run: Run) -> int:
