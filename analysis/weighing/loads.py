@@ -288,13 +288,29 @@ def nuisances(weighing: Weighing | None) -> pl.DataFrame:
         {
             "term": pl.Series([term.name for term in fit.terms]),
             "unit": pl.Series([term.unit for term in fit.terms]),
+            "prior_mean": fit.prior_means.mean,
             "prior_std": fit.prior_std,
             "posterior": fit.posterior[0],
             "posterior_std": fit.posterior[1],
             "u_kg": np.array([parts_kg[term.name] for term in fit.terms]),
             "meaning": pl.Series([term.meaning for term in fit.terms]),
+            **_learnt(weighing),
         },
     )
+
+
+def _learnt(weighing: Weighing) -> dict[str, Floats]:
+    """Columns of `nuisances` under a calibration: what it learnt, and the log by itself."""
+    fit, own = weighing.fit, weighing.alone
+    if own is None:
+        return {}
+    return {
+        "prior_mean_u": fit.prior_means.mean_u,
+        "alone": own.posterior[0],
+        "alone_std": own.posterior[1],
+        "alone_prior_mean": own.prior_means.mean,
+        "alone_prior_std": own.prior_std,
+    }
 
 
 def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:

@@ -62,6 +62,7 @@ class Weighing:
         braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
             driving alone can contradict.
         curvature: what a term in a·|a| finds.
+        alone: the same fit without what a calibration learnt; None where that is the answer.
     """
 
     fit: JointFit
@@ -71,6 +72,12 @@ class Weighing:
     braking_left_out: bool
     braking_doubted: bool
     curvature: Curvature
+    alone: JointFit | None = None
+
+    @property
+    def own(self) -> JointFit:
+        """What this log says of the nuisances by itself."""
+        return self.fit if self.alone is None else self.alone
 
 
 @dataclass(frozen=True)
@@ -152,6 +159,7 @@ def weigh(
         left_out,
         doubted,
         curvature(fit, columns, priors),
+        again(fit, columns, priors.model_copy(update={"learnt": {}})) if priors.learnt else None,
     )
 
 
@@ -182,4 +190,9 @@ def _derived_from_speed(machine: Machine) -> bool:
 
 def _scaled(priors: PriorSettings, times: float) -> PriorSettings:
     """The priors with other widths."""
-    return priors.model_copy(update={n: v * times for n, v in priors.model_dump().items()})
+    learnt = {
+        name: term.model_copy(update={"std": term.std * times})
+        for name, term in priors.learnt.items()
+    }
+    widths = {n: v * times for n, v in priors.model_dump(exclude={"learnt"}).items()}
+    return priors.model_copy(update={**widths, "learnt": learnt})
