@@ -146,7 +146,17 @@ class NoiseSettings(BaseModel):
 
 
 #: Terms of the answer's fit that a calibration learns: what lasts as long as the machine does.
-LearnableTerm = Literal["const", "lag", "slip", "quadratic", "direction", "load_transfer"]
+LearnableTerm = Literal[
+    "const",
+    "lag",
+    "slip",
+    "quadratic",
+    "direction",
+    "load_transfer",
+    "wheel_slip",
+    "gain",
+    "speed_delay",
+]
 
 
 class LearntTerm(BaseModel):

@@ -43,6 +43,20 @@ class TermOfLog(BaseModel):
     posterior_std: float = Field(gt=0)
 
 
+class LearntPriors(BaseModel):
+    """What a campaign learnt, and from what.
+
+    Attributes:
+        terms: the priors, by term.
+        logs: what each log said under the machine's own priors.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    terms: dict[LearnableTerm, LearntTerm]
+    logs: tuple[TermOfLog, ...] = Field(max_length=100_000)
+
+
 def terms_of(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
     """The terms of a log that can be learnt.
 
@@ -75,7 +89,7 @@ def learnt_terms(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
     for each in said:
         by_term.setdefault(each.term, []).append(each)
     found = {term: _pooled(each) for term, each in by_term.items() if len(each) >= LOGS_MIN}
-    return {term: found[term] for term in sorted(found)}
+    return dict(sorted(found.items()))
 
 
 def _pooled(said: Sequence[TermOfLog]) -> LearntTerm:

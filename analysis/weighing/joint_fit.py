@@ -1,6 +1,5 @@
 """The joint fit: mass and friction with the nuisance terms, and what its uncertainty is made of."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -162,9 +161,10 @@ class JointFit:
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
         }
-        if self.prior_means.mean_u.any():
-            parts["learnt"] = float(np.linalg.norm(self._of_means @ wide))
         parts |= self._of_wheels(wide, parts["slip"])
+        learnt_kg = np.append(self._of_means @ wide, self._of_wheels_means(wide))
+        if learnt_kg.any():
+            parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
         if wheels is not None and wheels.gain_counts:
             # a wrong wheel radius is in the force, and in a speed's derivative once more
@@ -180,26 +180,36 @@ class JointFit:
         wheels, friction = self.kinematics, max(self.friction[0], 0.0)
         if wheels is None or not wheels.goes_together:
             return {}
+        moves = self._moves(weights)
+        width = self.prior_std[_place("slip", self.terms)]
+        found = moves @ np.linalg.cholesky(wheels.covariance)
+        of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
+        beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
+        parts = {"slip": float(np.hypot(found[0], beside))}
+        if self.motion.by_accelerometer:
+            parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
+        return parts
+
+    def _of_wheels_means(self, weights: Floats) -> Floats:
+        """What the uncertainties of a calibration's slip, gain and delay do to a sum of masses."""
+        wheels = self.kinematics
+        return np.zeros(0) if wheels is None else self._moves(weights) * wheels.mean_u
+
+    def _moves(self, weights: Floats) -> Floats:
+        """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
+        friction = max(self.friction[0], 0.0)
         slip = self.count + 1 + _place("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
         width = self.prior_std[_place("slip", self.terms)]
         masses_kg = float(weights[: self.count] @ self.masses_kg)
-        by_accelerometer = self.motion.by_accelerometer
-        moves = np.array(
+        return np.array(
             [
                 -friction * response / width,
                 -masses_kg if self.corrects_gain else 0.0,
-                -friction * float(weights.sum()) if by_accelerometer else 0.0,
+                -friction * float(weights.sum()) if self.motion.by_accelerometer else 0.0,
             ]
         )
-        found = moves @ np.linalg.cholesky(wheels.covariance)
-        of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
-        beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
-        parts = {"slip": float(np.hypot(found[0], beside))}
-        if by_accelerometer:
-            parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
-        return parts
 
     @property
     def masses_kg(self) -> Floats:
@@ -239,7 +249,7 @@ def joint_fit(
     motion: Equation, noise: NoiseOfColumns, priors: PriorSettings, states: States | None = None
 ) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
-    wheels = kinematics(motion, noise, priors)
+    wheels = _wheels(motion, noise, priors)
     terms = tuple(term for term in NUISANCES if term.applies(motion))
     whole = _Task(motion, noise, priors, terms, wheels, states)
     part = whole.beginning(_TRIED)
@@ -255,7 +265,7 @@ def joint_fit(
         # slip is of the force on the ground at that moment
         in_time = motion.with_force_moved_back(best.lag_s)
         acting = replace(in_time, force=best.found.acting(in_time))
-        whole = replace(whole, wheels=kinematics(acting, noise, priors))
+        whole = replace(whole, wheels=_wheels(acting, noise, priors))
     share = _averaging_share(first, lengths.index(samples))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:
@@ -266,6 +276,12 @@ def joint_fit(
     if not chosen.fit.misfit.any():
         return chosen
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
+
+
+def _wheels(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
+    """What the wheels say, or what a calibration says of them."""
+    found = kinematics(motion, noise, priors)
+    return None if found is None else found.learnt(priors)
 
 
 def _averaging_share(by_length: list[JointFit], place: int) -> float:
@@ -445,7 +461,7 @@ class _Task:
 
     def _learnt_places(self) -> list[tuple[int, LearntTerm]]:
         """Where the terms are of which a calibration says something; slip the wheels say better."""
-        learnt: Mapping[str, LearntTerm] = self.priors.learnt
+        learnt: dict[str, LearntTerm] = {**self.priors.learnt}
         by_wheels = self.wheels is not None and self.wheels.goes_together
         return [
             (place, learnt[term.name])

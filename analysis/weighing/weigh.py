@@ -1,6 +1,6 @@
 """Weigh a log: the joint fit, how it bears other priors, and whether braking goes with driving."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -159,8 +159,17 @@ def weigh(
         left_out,
         doubted,
         curvature(fit, columns, priors),
-        again(fit, columns, priors.model_copy(update={"learnt": {}})) if priors.learnt else None,
+        _alone(fit, columns, priors),
     )
+
+
+def _alone(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit | None:
+    """Fit once more without what a calibration learnt; None where it learnt nothing."""
+    if not priors.learnt:
+        return None
+    wheels = fit.kinematics
+    own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
+    return again(own, noise, priors.model_copy(update={"learnt": {}}))
 
 
 def _apart_kg(one: JointFit, other: JointFit) -> float:
