@@ -16,8 +16,8 @@ from recordings.display import span_ns
 from recordings.planar_text import planar, planar_lines
 from recordings.wording import number, outcome, plus_minus, table
 from recordings.worth_text import (
-    LOAD_HEADS,
     budget_rows,
+    load_heads,
     load_rows,
     load_sentences,
     main_load,
@@ -275,7 +275,7 @@ def _worth(said: Answer) -> list[str]:
     parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += ["## Loads", table(LOAD_HEADS, load_rows(said))]
+        parts += ["## Loads", table(load_heads(said), load_rows(said))]
         which = f" (mass of load {main_load(said)})"
     heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
     title = f"## Where the uncertainty comes from{which}"

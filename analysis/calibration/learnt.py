@@ -88,8 +88,11 @@ def learnt_terms(said: Iterable[TermOfLog]) -> dict[LearnableTerm, LearntTerm]:
     by_term: dict[LearnableTerm, list[TermOfLog]] = {}
     for each in said:
         by_term.setdefault(each.term, []).append(each)
-    found = {term: _pooled(each) for term, each in by_term.items() if len(each) >= LOGS_MIN}
-    return dict(sorted(found.items()))
+    found: dict[LearnableTerm, LearntTerm] = {}
+    for term in sorted(by_term):
+        if len(by_term[term]) >= LOGS_MIN:
+            found[term] = _pooled(by_term[term])
+    return found
 
 
 def _pooled(said: Sequence[TermOfLog]) -> LearntTerm:
