@@ -11,7 +11,10 @@ from analysis.run import Provenance, Run
 from analysis.stage_change import Replay, StageChange, family, stage_change
 
 #: Estimates and their standard deviations, by the frame that holds them.
-_ESTIMATES: Final = dict((*X.parameters, *Z.parameters))
+_ESTIMATES: Final = {
+    **dict((*X.parameters, *Z.parameters)),
+    "calibrated_kg": "calibrated_u_kg",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -349,11 +349,17 @@ FRAMES: Final[dict[str, Frame]] = {
             (
                 Column("term", pl.String, "1", "its name"),
                 Column("unit", pl.String, "1", "of its prior and posterior"),
-                _f("prior_std", "1", "standard deviation of its prior about 0 (in its unit)"),
+                _f("prior_mean", "1", "mean of its prior (in its unit)"),
+                _f("prior_std", "1", "standard deviation of its prior (in its unit)"),
                 _f("posterior", "1", "what this log says (in its unit)"),
                 _f("posterior_std", "1", "standard deviation of that (in its unit)"),
                 _f("u_kg", "kg", "what its prior contributes to the mass' uncertainty"),
                 Column("meaning", pl.String, "1", "what it stands for"),
+                _f("prior_mean_u", "1", "standard uncertainty of a prior's mean that was learnt"),
+                _f("alone", "1", "what this log says without what a calibration learnt"),
+                _f("alone_std", "1", "standard deviation of that (in its unit)"),
+                _f("alone_prior_mean", "1", "mean of its prior without (in its unit)"),
+                _f("alone_prior_std", "1", "standard deviation of its prior without (in its unit)"),
             ),
         ),
         Frame(

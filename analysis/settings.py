@@ -145,6 +145,32 @@ class NoiseSettings(BaseModel):
     yaw_rate_rad_s: float | None = Field(None, gt=0, description="noise of the yaw rate")
 
 
+#: Terms of the answer's fit that a calibration learns: what lasts as long as the machine does.
+LearnableTerm = Literal[
+    "const",
+    "lag",
+    "slip",
+    "quadratic",
+    "direction",
+    "load_transfer",
+    "wheel_slip",
+    "gain",
+    "speed_delay",
+]
+
+
+class LearntTerm(BaseModel):
+    """A prior that a calibration learnt, in the term's unit."""
+
+    model_config = _PART
+
+    mean: float = Field(allow_inf_nan=False, description="what its logs say together")
+    std: float = Field(gt=0, allow_inf_nan=False, description="what differs from log to log")
+    mean_u: float = Field(
+        ge=0, allow_inf_nan=False, description="standard uncertainty of the mean: all logs share it"
+    )
+
+
 class PriorSettings(BaseModel):
     """Standard deviations of what the answer's fit allows besides mass and friction.
 
@@ -179,6 +205,11 @@ class PriorSettings(BaseModel):
         0.015,
         gt=0,
         description="prior of the change of the measured wheels' share with acceleration",
+    )
+    learnt: dict[LearnableTerm, LearntTerm] = Field(
+        {},
+        description="priors that a calibration learnt, instead: a table of `mean`, `std`, `mean_u` "
+        "by term",
     )
 
 

@@ -176,7 +176,7 @@ def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -
 
 
 def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
-    """The points and the line of (19) a method, and what is left of each load."""
+    """The points and the line of a method, and what is left of each load."""
     fits, errors = part.subplots(1, 2)
     reference = points["reference_kg"]
     fits.axline((reference[0], reference[0]), slope=1, color="black", lw=0.5, ls=":")
@@ -191,7 +191,7 @@ def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:
         errors.plot(known, group["error_kg"].to_numpy(), "o-", ms=3, color=colour, label=name)
         left_out = group["error_left_out_kg"].to_numpy()
         errors.plot(known, left_out, "x", ms=4, color=colour)
-    fits.set(xlabel="estimate (kg)", ylabel="reference (kg)", title="Calibration (19)")
+    fits.set(xlabel="estimate (kg)", ylabel="reference (kg)", title="Calibration")
     errors.set(
         xlabel="reference (kg)",
         ylabel="calibrated − reference (kg)",

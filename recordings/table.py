@@ -364,7 +364,10 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "calibrated_kg calibrated_u_kg calibrated_low_kg calibrated_high_kg calibrated_reason"
         ),
         "manoeuvres": "load_id start_t_ns end_t_ns",
-        "nuisances": "term unit prior_std posterior posterior_std u_kg meaning",
+        "nuisances": (
+            "term unit prior_mean prior_std posterior posterior_std u_kg meaning "
+            "prior_mean_u alone alone_std alone_prior_mean alone_prior_std"
+        ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",
         "calibration": (

@@ -16,8 +16,8 @@ from recordings.display import span_ns
 from recordings.planar_text import planar, planar_lines
 from recordings.wording import number, outcome, plus_minus, table
 from recordings.worth_text import (
-    LOAD_HEADS,
     budget_rows,
+    load_heads,
     load_rows,
     load_sentences,
     main_load,
@@ -161,7 +161,7 @@ def answer_text(run: Run) -> str:
 
 
 def calibration(run: Run) -> str:
-    """The points and the fit of (19), and of evidence; nothing without a calibration."""
+    """The points and the line of each method, and of evidence; nothing without a calibration."""
     parts = ["# Calibration", *_evidence(run)]
     points = run.frames.get("calibration")
     if points is None or points.is_empty():
@@ -171,7 +171,7 @@ def calibration(run: Run) -> str:
         if fit.get("alpha_1") is not None and fit.get("beta_kg") is not None:
             parts.append(
                 f"**{method}**: reference = {number(fit['alpha_1'])} · estimate "
-                f"{fit['beta_kg']:+.4g} kg (19)"
+                f"{fit['beta_kg']:+.4g} kg"
             )
     columns = [name for name in points.columns if name not in ("alpha_1", "beta_kg")]
     return "\n\n".join([*parts, table(columns, points.select(columns).rows())])
@@ -275,7 +275,7 @@ def _worth(said: Answer) -> list[str]:
     parts = ["\n".join(f"- {line}" for line in worth_lines(said))]
     which = ""
     if len(said.loads) > 1:
-        parts += ["## Loads", table(LOAD_HEADS, load_rows(said))]
+        parts += ["## Loads", table(load_heads(said), load_rows(said))]
         which = f" (mass of load {main_load(said)})"
     heads = ("uncertainty from", "kind", "u (kg)", "share of the variance", "shrinks with")
     title = f"## Where the uncertainty comes from{which}"

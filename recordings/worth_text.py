@@ -15,11 +15,24 @@ _SMALL: Final = 0.005
 _COVERAGE: Final = 1.96
 _NS: Final = 1e9
 
-LOAD_HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg", "")
+_HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg")
+_CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
+
+
+def load_heads(said: Answer) -> tuple[str, ...]:
+    """Heads of `load_rows`."""
+    return (*_HEADS, *(_CALIBRATED if _is_calibrated(said) else ()), "")
+
+
+def _is_calibrated(said: Answer) -> bool:
+    return any("calibrated_kg" in load for load in said.loads)
 
 
 def load_rows(said: Answer) -> list[tuple[str, ...]]:
-    """A row a load: number, from, to, manoeuvres, mass, payload, remark."""
+    """A row a load: number, from, to, manoeuvres, mass, payload, remark.
+
+    Before the remark, where a calibration was given, its mass and the interval of that.
+    """
     return [
         (
             str(load["load_id"]),
@@ -28,6 +41,7 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
             str(load["manoeuvres"]),
             "–" if load["mass_kg"] is None else plus_minus(load["mass_kg"], load["u_kg"]),
             _payload(load),
+            *(_calibrated(load) if _is_calibrated(said) else ()),
             _remark(load),
         )
         for load in said.loads
@@ -37,9 +51,10 @@ def load_rows(said: Answer) -> list[tuple[str, ...]]:
 def load_sentences(said: Answer, most: int) -> list[str]:
     """A line a load, up to so many."""
     lines: list[str] = []
-    for load, begin, end, manoeuvres, mass, payload, remark in load_rows(said)[:most]:
+    rows = zip(load_rows(said)[:most], said.loads, strict=False)
+    for (load, begin, end, manoeuvres, mass, payload, *_, remark), row in rows:
         carried = payload if payload in ("empty", "–") else f"payload {payload} kg"
-        told = ", ".join(filter(None, (f"{mass} kg", carried, remark)))
+        told = ", ".join(filter(None, (f"{mass} kg", carried, _calibrated_line(row), remark)))
         lines.append(f"load {load}: {begin} to {end} s, {manoeuvres} manoeuvres, {told}")
     if len(said.loads) > most:
         lines.append(f"and {len(said.loads) - most} more")
@@ -79,6 +94,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
         f"{number(low)} to {number(high)} kg, from {load['manoeuvres']} "
         f"{'manoeuvre' if load['manoeuvres'] == 1 else 'manoeuvres'}"
     ]
+    lines += filter(None, [_calibrated_line(load)])
     if load["payload_kg"] is not None:
         lines.append(f"payload {plus_minus(load['payload_kg'], load['payload_u_kg'])} kg")
     lines.append(
@@ -183,11 +199,29 @@ def _payload(load: Mapping[str, Any]) -> str:
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
+def _calibrated(load: Mapping[str, Any]) -> tuple[str, ...]:
+    """Calibrated mass and the ends of its interval."""
+    names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg")
+    return tuple("–" if load[name] is None else f"{load[name]:,.1f}" for name in names)
+
+
+def _calibrated_line(load: Mapping[str, Any]) -> str:
+    """The same in words; nothing where no calibration was given."""
+    if "calibrated_kg" not in load:
+        return ""
+    if load["calibrated_kg"] is None:
+        return f"not calibrated: {load['calibrated_reason']}"
+    mass, low, high = _calibrated(load)
+    return f"calibrated {mass} kg, {low} to {high} kg"
+
+
 def _remark(load: Mapping[str, Any]) -> str:
     if load["mass_kg"] is None:
         return load["withheld_for"]
     if load.get("scatter_known") is False:
         return "repeatability unknown"
+    if load.get("calibrated_reason"):
+        return f"not calibrated: {load['calibrated_reason']}"
     return ""
 
 

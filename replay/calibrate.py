@@ -18,6 +18,7 @@ from analysis.calibration.campaign_fit import (
 )
 from analysis.calibration.drift import DriftCheck
 from analysis.calibration.error_limits import WITHIN
+from analysis.calibration.learnt import LOGS_MIN, LearntPriors, with_learnt
 from analysis.machine import Machine
 from estimators.errors import CampaignError, EvidenceError, OutputError
 from recordings.evidence.as_found import as_found
@@ -102,6 +103,7 @@ class EvidenceParts:
         kind: "calibration" or "check".
         campaign: masses and runs.
         machine: with its settings.
+        learnt: what narrowed its priors.
         replayed: readings and logs.
         options: of the fit.
         fitted: line, points, limits.
@@ -111,6 +113,7 @@ class EvidenceParts:
     kind: Literal["calibration", "check"]
     campaign: CalibrationCampaign
     machine: Machine
+    learnt: LearntPriors | None
     replayed: Replayed
     options: CalibrationOptions
     fitted: CampaignFit
@@ -150,17 +153,22 @@ def calibrate(
     with staged([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
-        replayed = replay_runs(
-            campaign,
-            machine,
-            lambda log: campaign_file.parent / log,
-            made if recordings else None,
-            on_log,
-        )
+
+        def path_of(log: str) -> Path:
+            return campaign_file.parent / log
+
+        learnt = None
+        if campaign.learns and len(campaign.logs) >= LOGS_MIN:
+            # under the machine's own priors: what they say of the nuisances together
+            learnt = replay_runs(campaign, machine, path_of, None, on_log).learnt
+        weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+        replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
         on_log("evidence")
         options = options_of(campaign, stated_scale(campaign, replayed.budgets))
         fitted = fit_campaign(campaign, machine.machine, replayed.readings, options)
-        evidence = EvidenceParts("calibration", campaign, machine, replayed, options, fitted)
+        evidence = EvidenceParts(
+            "calibration", campaign, machine, learnt, replayed, options, fitted
+        )
         return finish(evidence, made, folder, key, before, previous)
 
 
@@ -238,7 +246,9 @@ def _document(
 ) -> EvidenceDocument:
     campaign, machine, fitted = evidence.campaign, evidence.machine, evidence.fitted
     loads, covariance = reference_loads(campaign, machine)
-    estimator = estimator_of(campaign, machine)
+    learnt = evidence.learnt
+    weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
+    estimator = estimator_of(campaign, weighing)
     last = None if before is None else before.document
     return EvidenceDocument(
         format=FORMAT,
@@ -250,6 +260,7 @@ def _document(
         # a check does not prolong what it checks
         expires=last.expires if last and evidence.kind == "check" else campaign.expires,
         machine=machine,
+        learnt=learnt,
         estimator=estimator,
         logs=evidence.replayed.logs,
         references=loads,

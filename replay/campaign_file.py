@@ -31,7 +31,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
-    machine = _weighed(campaign, machine)
+    machine = weighed_in(campaign, machine)
     try:
         references(campaign, machine.machine)
         rule_of(campaign)
@@ -52,7 +52,7 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     return campaign, machine
 
 
-def _weighed(campaign: CalibrationCampaign, machine: Machine) -> Machine:
+def weighed_in(campaign: CalibrationCampaign, machine: Machine) -> Machine:
     """The machine with the empty mass that the campaign file gives, where it gives any."""
     about = campaign.machine
     given = {"empty_mass_kg": about.empty_mass_kg, "empty_mass_u_kg": about.empty_mass_u_kg}

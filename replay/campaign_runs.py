@@ -14,6 +14,7 @@ import polars as pl
 
 from analysis.answer import answer
 from analysis.calibration.campaign import CalibrationCampaign
+from analysis.calibration.learnt import LearntPriors, TermOfLog, learnt_terms, terms_of
 from analysis.calibration.readings import readings
 from analysis.machine import Machine
 from analysis.run import Run
@@ -44,11 +45,19 @@ class Replayed:
         readings: frame `readings` of all runs, in the campaign's order of logs.
         logs: what is kept of each log.
         budgets: frame `budget` of each.
+        terms: what each that can weigh says of the nuisances.
     """
 
     readings: pl.DataFrame
     logs: tuple[EvidenceLog, ...]
     budgets: tuple[pl.DataFrame, ...]
+    terms: tuple[TermOfLog, ...]
+
+    @property
+    def learnt(self) -> LearntPriors | None:
+        """What they say of the nuisances together; None where they are too few."""
+        terms = learnt_terms(self.terms)
+        return LearntPriors(terms=terms, logs=self.terms) if terms else None
 
 
 def replay_runs(
@@ -73,6 +82,7 @@ def replay_runs(
     frames: list[pl.DataFrame] = []
     logs: list[EvidenceLog] = []
     budgets: list[pl.DataFrame] = []
+    terms: list[TermOfLog] = []
     for number, name in enumerate(campaign.logs, start=1):
         on_log(name)
         with open_log(path_of(name), time=time_axis(machine)) as log:
@@ -91,7 +101,8 @@ def replay_runs(
         frames.append(readings(replayed, runs, campaign.method.estimator))
         logs.append(_kept(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
-    return Replayed(pl.concat(frames), tuple(logs), tuple(budgets))
+        terms += terms_of(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
+    return Replayed(pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms))
 
 
 def software() -> Software:

@@ -79,13 +79,13 @@ def check_mass(
     with staged([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
-        replayed = replay_runs(campaign, last.machine, lambda _: log, None, on_log)
+        replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log)
         on_log("evidence")
         fitted, drift = check_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration
         )
         evidence = EvidenceParts(
-            "check", campaign, last.machine, replayed, last.options, fitted, drift
+            "check", campaign, last.machine, last.learnt, replayed, last.options, fitted, drift
         )
         return finish(evidence, made, folder, key, before, previous)
 

@@ -9,28 +9,46 @@ from analysis.comparison import Comparison, compare, same_inputs
 from analysis.run import Provenance
 from estimators.errors import RecordingError
 from recordings import read_frame, read_provenance, stages
+from replay.calibrated import AskedCalibration, calibrated_frame
 
 
 class Recorded:
     """A recording as a replay to compare: only what is asked for is read."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, asked: AskedCalibration | None = None) -> None:
         """Read what describes it.
+
+        Args:
+            path: the recording.
+            asked: evidence that calibrates the masses of its loads.
 
         Raises:
             RecordingError: no such recording, or not one that this payscope reads.
+            EvidenceError: the evidence is refused.
         """
         self._path = path
         self.provenance: Provenance = read_provenance(path)
         self.stages: Mapping[str, Sequence[str]] = stages(path)
+        self._loads: pl.DataFrame | None = None
+        if asked is not None and "loads" in self.stages:
+            raw, terms = read_frame(path, "loads"), read_frame(path, "nuisances")
+            self._loads = calibrated_frame(raw, terms, self.provenance, asked, path)
+            self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
         """Some columns of a frame."""
+        if stage == "loads" and self._loads is not None:
+            return self._loads.select(columns)
         return read_frame(self._path, stage, columns)
 
 
 def compare_recordings(
-    a: Path, b: Path, *, rtol: float = 0.0, other_logs: bool = False
+    a: Path,
+    b: Path,
+    *,
+    rtol: float = 0.0,
+    other_logs: bool = False,
+    calibration: AskedCalibration | None = None,
 ) -> Comparison:
     """Compare two recordings.
 
@@ -40,11 +58,12 @@ def compare_recordings(
         rtol: relative differences of numbers up to this count as none.
         other_logs: whether the two may be of different logs; then only settings, masses and
             verdict are compared.
+        calibration: evidence that calibrates the masses of both.
 
     Raises:
         RecordingError: one of them cannot be read, or their rows do not correspond.
     """
-    mine, theirs = Recorded(a), Recorded(b)
+    mine, theirs = Recorded(a, calibration), Recorded(b, calibration)
     if not set(mine.stages) & set(theirs.stages):
         raise RecordingError(
             f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "

@@ -1,4 +1,4 @@
-"""The demo: the paper's calibration campaign, simulated as real logs, through everything."""
+"""The demo: the paper's campaign, simulated as real logs, calibrated, and its evidence verified."""
 
 import shutil
 from collections.abc import Callable, Sequence
@@ -10,28 +10,34 @@ from typing import Any, Final
 import polars as pl
 
 from analysis import Machine, Run
-from analysis.answer import Answer, answer
-from analysis.calibration.straight_line import calibrate, rms_errors
+from analysis.answer import JOINT, Answer, answer
+from analysis.calibration.by_method import calibrate_methods, calibration_frame, point_rows
+from analysis.calibration.straight_line import rms_errors
 from analysis.calibration.trials import run_estimates
 from analysis.simulation import Scenario
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
-from recordings.output import check_output, whole_file
+from recordings.output import check_folder, check_output, whole_file
+from replay.calibrate import Calibrated, calibrate
+from replay.demo_campaign import demo_campaign
 from replay.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
 from replay.readers import open_log
 from replay.simulate import simulate
 from replay.truth import true_trials, truth_path
+from replay.verify import Verified, verify
 
 _MACHINE = Path("cat262c.toml")
 #: What `on_stage` is told, in order.
-STEPS: Final = ("simulate", *STAGES, "record")
+STEPS: Final = ("simulate", "calibrate", "verify", *STAGES, "record")
 
 
 @dataclass(frozen=True, slots=True)
 class Demo:
     """What the demo found, and the files it made."""
 
+    calibrated: Calibrated
+    verified: Verified
     calibration: pl.DataFrame
     errors: pl.DataFrame
     answer: Answer
@@ -40,6 +46,8 @@ class Demo:
     def to_dict(self) -> dict[str, Any]:
         """The same as plain values."""
         return {
+            "evidence": self.calibrated.to_dict(),
+            "verified": self.verified.to_dict(),
             "calibration": self.calibration.to_dicts(),
             "errors": self.errors.to_dicts(),
             "answer": self.answer.to_dict(),
@@ -48,7 +56,7 @@ class Demo:
 
 
 def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]) -> Demo:
-    """Simulate, replay, calibrate, record, draw.
+    """Simulate, calibrate, verify the evidence, replay in one time line, record, draw.
 
     Args:
         folder: where the files go; made when it is not there.
@@ -65,31 +73,55 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
         raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
     machine_file = folder / _MACHINE.name
     recording, picture = folder / "campaign.rrd", folder / "campaign.png"
-    for output in (machine_file, recording, picture):
+    campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
+    for output in (machine_file, campaign_file, recording, picture):
         check_output(output, force=force)
+    check_folder(evidence, force=force)
     with whole_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")
-    logs = simulate(Scenario().seeded(seed), folder / "campaign.bag", force=force)
+    scenario = Scenario().seeded(seed)
+    logs = simulate(scenario, folder / "campaign.bag", force=force)
+    with whole_file(campaign_file, force=force) as partial:
+        partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
+    on_stage("calibrate")
+    calibrated = calibrate(campaign_file, evidence, force=force)
+    on_stage("verify")
+    verified = verify(evidence)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
+    replayed = _with_evidence(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
     return Demo(
+        calibrated,
+        verified,
         replayed.frames["calibration"],
         rms_errors(replayed.frames["calibration"]),
         answer(replayed, str(recording)),
-        (*logs, *map(truth_path, logs), machine_file, recording, picture),
+        (
+            *(*logs, *map(truth_path, logs), machine_file, campaign_file),
+            *(evidence, recording, picture),
+        ),
     )
+
+
+def _with_evidence(replayed: Run, calibrated: Calibrated, empty_kg: float) -> Run:
+    """The run with the line of the evidence before those of the methods."""
+    document = calibrated.document
+    points = () if document.calibration is None else document.calibration.points
+    first = calibration_frame(point_rows(JOINT, points, document.calibration, empty_kg))
+    both = pl.concat([first, replayed.frames["calibration"]])
+    return replace(replayed, frames={**replayed.frames, "calibration": both}).fingerprinted()
 
 
 def replay_campaign(
     logs: Sequence[Path], machine: Machine, on_stage: Callable[[str], None] = lambda _: None
 ) -> Run:
-    """Replay simulated logs in one time line and calibrate by their truth: a run with (19)."""
+    """Replay simulated logs in one time line; a line by their truth for each of the methods."""
     with ExitStack() as stack:
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         replayed = run(opened, machine, on_stage)
-    calibration = calibrate(run_estimates(replayed, true_trials(logs)))
+    calibration = calibrate_methods(run_estimates(replayed, true_trials(logs)))
     frames = {**replayed.frames, "calibration": calibration}
     return replace(replayed, frames=frames).fingerprinted()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -9,23 +10,42 @@ from analysis.answer import Answer, answer
 from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
 from recordings.viewer import start_viewer
+from replay.calibrated import AskedCalibration, begins_ns, load_calibration
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import STAGES, run
 from replay.readers import open_log
+
+
+@dataclass(frozen=True, slots=True)
+class RecordTo:
+    """Where a replay is recorded.
+
+    Attributes:
+        path: the recording; None records nothing.
+        force: replace an existing one.
+        live: show it in the viewer as it is written.
+    """
+
+    path: Path | None = None
+    force: bool = False
+    live: bool = False
+
 
 #: What `on_stage` is told, in order, of a replay that is recorded.
 STEPS: Final = ("open", *STAGES, "record")
 
 
+_NOWHERE: Final = RecordTo()
+
+
 def replay_logs(
     logs: Sequence[Path],
     machine_file: Path,
-    output: Path | None = None,
+    output: RecordTo = _NOWHERE,
     overrides: Sequence[str] = (),
     *,
     strict: bool = False,
-    force: bool = False,
-    live: bool = False,
+    calibration: AskedCalibration | None = None,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> Answer:
     """Replay logs in one time line and record the run.
@@ -33,24 +53,28 @@ def replay_logs(
     Args:
         logs: the logs.
         machine_file: the machine file, or the name of a shipped one.
-        output: the recording to write, if any.
+        output: the recording to write.
         overrides: `key=value`, of the machine file.
         strict: refuse a log with any loss.
-        force: replace an existing recording.
-        live: show the recording in the viewer as it is written.
+        calibration: evidence that calibrates the masses.
         on_stage: told each of `STEPS` as it begins.
 
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
     machine = load_machine(machine_file, overrides)
-    if output is not None:
-        check_recording(output, force=force)
+    by = None if calibration is None else load_calibration(calibration)
+    if by is not None:
+        machine = by.checked(by.weighing(machine), machine_file)
+    if output.path is not None:
+        check_recording(output.path, force=output.force)
     # before the work: without a screen there is nothing to wait for
-    viewer = start_viewer() if live else None
+    viewer = start_viewer() if output.live else None
     with ExitStack() as stack:
         on_stage("open")
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
+        if by is not None:
+            by.check_day(begins_ns(opened), ", ".join(map(str, logs)))
         try:
             result = run(opened, machine, on_stage)
         except DataError as error:
@@ -60,7 +84,9 @@ def replay_logs(
             first, *more = result.provenance.losses
             others = f"and {len(more)} more; " if more else ""
             raise LogError(f"{first} ({others}leave out --strict to accept)")
-        if output is not None:
+        if by is not None:
+            result = by.of_run(result)
+        if output.path is not None:
             on_stage("record")
-            write_recording(result, output, force=force, viewer=viewer)
-    return answer(result, str(output) if output else None)
+            write_recording(result, output.path, force=output.force, viewer=viewer)
+    return answer(result, str(output.path) if output.path else None)

@@ -10,6 +10,7 @@ from analysis.schema import FRAMES, Frame
 from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
+from replay.calibrated import AskedCalibration, calibrated_frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,20 @@ class Stage:
             return "log_time_ns"
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
+
+    def calibrated(self, asked: AskedCalibration) -> Self:
+        """The loads with their calibrated masses.
+
+        Raises:
+            RecordingError: another stage.
+            EvidenceError: the evidence is refused.
+        """
+        if self.name != "loads":
+            raise RecordingError(
+                f"{self.recording}: a calibration is of stage 'loads', not of '{self.name}'"
+            )
+        about, terms = read_provenance(self.recording), read_frame(self.recording, "nuisances")
+        return replace(self, rows=calibrated_frame(self.rows, terms, about, asked, self.recording))
 
     def between(self, start_s: float | None, end_s: float | None) -> Self:
         """The rows from one second of the run to another, both included.

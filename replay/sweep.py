@@ -14,6 +14,7 @@ from analysis.calibration.trials import run_estimates
 from analysis.machine import LogSection, Machine
 from analysis.run import Run
 from estimators.errors import DataError
+from replay.calibrated import AskedCalibration, begins_ns, load_calibration
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import run
 from replay.read_once import ReadOnce
@@ -46,6 +47,7 @@ def sweep(
     grid: Sequence[Sequence[str]],
     *,
     reference_kg: float | None,
+    calibration: AskedCalibration | None = None,
     on_stage: Callable[[str], None],
 ) -> list[Row]:
     """Replay logs (in one time line) once a combination; each topic is decoded once.
@@ -56,6 +58,8 @@ def sweep(
         overrides: `key=value`, for every combination.
         grid: the combinations, each more overrides (`replay.grid.combinations`).
         reference_kg: what the machine truly weighs, if known.
+        calibration: evidence that calibrates the masses of the combinations that it is of; the
+            others say why they have none.
         on_stage: told each combination as it begins.
 
     Returns:
@@ -65,6 +69,10 @@ def sweep(
         PayscopeError: whatever is wrong with the input, before the first replay.
     """
     machines = [load_machine(machine_file, [*overrides, *each]) for each in grid]
+    by = None if calibration is None else load_calibration(calibration)
+    if by is not None:
+        by.checked(by.weighing(load_machine(machine_file, overrides)), machine_file)
+        machines = [by.weighing(machine) for machine in machines]
     truth = true_trials(logs) if has_truth(logs) else None
     rows: list[Row] = []
     with ExitStack() as stack:
@@ -76,7 +84,11 @@ def sweep(
                     ReadOnce(stack.enter_context(open_log(path, time=time_axis(machine))))
                     for path in logs
                 ]
+            if by is not None:
+                by.check_day(begins_ns(opened[machine.log]), ", ".join(map(str, logs)))
             replayed = _replay(opened[machine.log], machine, logs, machine_file, each)
+            if by is not None:
+                replayed = by.of_run(replayed, by.other(machine))
             told = answer(replayed)
             errors: dict[str, dict[str, float | None]] = {}
             if reference_kg is not None:

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.calibration.learnt import TermOfLog
 from estimators.errors import EvidenceError, PayscopeError, counted
 from recordings.evidence.checked import CheckedBundle
 from recordings.evidence.checks import check_bundle
@@ -22,6 +23,8 @@ from recordings.evidence.words import unseen
 _MOST_ENTRIES: Final = 100_000
 _DEEPEST: Final = 8
 _MOST_NAMED: Final = 10
+#: Of its prior, by so much a nuisance may come out otherwise elsewhere.
+_TERMS: Final = 1e-6
 #: Numbers of a reading, and the texts that must be equal.
 _NUMBERS: Final = ("start_s", "end_s", "mass_kg", "std_kg", "common_u_kg")
 _TEXTS: Final = ("run_id", "load_id", "day", "log", "reading", "used", "reason")
@@ -140,8 +143,12 @@ def _replay(
     # the estimators are slow to import, and only a replay needs them
     from replay.campaign_runs import replay_runs
 
+    campaign = document.campaign
     try:
-        replayed = replay_runs(document.campaign, document.machine, lambda log: paths[log])
+        if document.learnt is not None and document.kind == "calibration":
+            before = replay_runs(campaign, document.machine, lambda log: paths[log])
+            _compare_terms(checked, document.learnt.logs, before.terms)
+        replayed = replay_runs(campaign, document.weighing, lambda log: paths[log])
     except PayscopeError as fault:
         checked.add(BundleOutcome.IRREPRODUCIBLE, "logs", str(fault))
         return
@@ -157,6 +164,28 @@ def _replay(
                 f"{kept.log}: the frames of its replay differ in their last bits, as other "
                 "processors and libraries make them"
             )
+
+
+def _compare_terms(
+    checked: CheckedBundle, stored: tuple[TermOfLog, ...], anew: tuple[TermOfLog, ...]
+) -> None:
+    """What each log says of the nuisances under the machine's own priors."""
+    by_name = {(each.log, each.term): each for each in anew}
+    wrong = [each for each in stored if not _same(each, by_name.get((each.log, each.term)))]
+    for each in wrong[:_MOST_NAMED]:
+        item = f"{EVIDENCE}: learnt: {each.log}, {each.term}"
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its replay says something else")
+    if not wrong and len(stored) != len(anew):
+        item = f"{EVIDENCE}: learnt"
+        checked.add(BundleOutcome.IRREPRODUCIBLE, item, "its logs say more than it has")
+
+
+def _same(kept: TermOfLog, now: TermOfLog | None) -> bool:
+    if now is None:
+        return False
+    tolerance = _TERMS * kept.prior_std
+    names = ("prior_mean", "prior_std", "posterior", "posterior_std")
+    return all(abs(getattr(kept, name) - getattr(now, name)) <= tolerance for name in names)
 
 
 def _compare(

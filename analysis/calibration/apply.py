@@ -16,12 +16,15 @@ ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
-def calibrated_loads(loads: pl.DataFrame, calibration: Calibration) -> pl.DataFrame:
+def calibrated_loads(
+    loads: pl.DataFrame, calibration: Calibration, refused: str = ""
+) -> pl.DataFrame:
     """Put the calibrated mass of each load beside its raw one.
 
     Args:
         loads: the frame `loads`, without calibrated columns or with those of another calibration.
         calibration: of the machine, by one of `ESTIMATORS`.
+        refused: why no mass of this log is calibrated; "" where nothing speaks against it.
 
     Returns:
         The frame with `calibrated_kg`, `calibrated_u_kg`, `calibrated_low_kg`,
@@ -37,7 +40,9 @@ def calibrated_loads(loads: pl.DataFrame, calibration: Calibration) -> pl.DataFr
         )
     mass, u_random = ESTIMATORS[calibration.method]
     found = [
-        _calibrated(calibration, *row)
+        CalibratedMass(None, None, None, None, refused)
+        if refused
+        else _calibrated(calibration, *row)
         for row in loads.select(mass, u_random, "manoeuvres", "withheld_for").iter_rows()
     ]
     columns = {

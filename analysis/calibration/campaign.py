@@ -153,6 +153,11 @@ class CampaignMethod(BaseModel):
         description="joint_mass, joint_payload (difference to runs without load), "
         "or a method of the paper",
     )
+    learn: bool = Field(
+        default=True,
+        description="whether what the logs say together of the joint fit's nuisances becomes its "
+        "priors",
+    )
     confidence_1: float = Field(0.95, gt=0.5, lt=1, description="of every interval")
     day_known_kg: float | None = Field(
         None, ge=0, le=1e5, description="standard deviation from day to day, where it is known"
@@ -231,6 +236,11 @@ class CalibrationCampaign(BaseModel):
         for (log, _, end, first), (other, begin, _, second) in pairwise(spans):
             if log == other and begin < end:
                 raise ValueError(f"runs '{first}' and '{second}' overlap in {log}")
+
+    @property
+    def learns(self) -> bool:
+        """Whether its logs narrow the priors of the mass that is calibrated."""
+        return self.method.learn and self.method.estimator in JOINT_ESTIMATORS
 
     @property
     def logs(self) -> tuple[str, ...]:

@@ -69,12 +69,23 @@ def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -
 def _manoeuvres(replayed: Run) -> list[dict[str, Any]]:
     """What the joint fit says, manoeuvre by manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
+    learnt = replayed.frames["budget"].filter(pl.col("cause") == "learnt")
+    learnt_kg = dict(learnt.select("load_id", "u_kg").iter_rows())
     found: list[dict[str, Any]] = []
     for row in replayed.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
-        found.append(_said(row, row["mass_kg"], row["mass_std_kg"], load["u_common_kg"], withheld))
+        # what is common to all logs of a calibration is none of a log's own
+        common_kg = _without(load["u_common_kg"], learnt_kg.get(row["load_id"]))
+        found.append(_said(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
     return found
+
+
+def _without(u_kg: float | None, part_kg: float | None) -> float | None:
+    """A standard uncertainty less a part of it."""
+    if u_kg is None or not part_kg:
+        return u_kg
+    return float(np.sqrt(max(u_kg**2 - part_kg**2, 0.0)))
 
 
 def _of_method(replayed: Run, method: str) -> list[dict[str, Any]]:

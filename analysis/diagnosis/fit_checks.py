@@ -48,12 +48,14 @@ def _relative_u(evidence: Evidence, _: Motion) -> float:
 
 
 def _beyond_prior(weighing: Weighing) -> float:
-    """The largest constant force or Coulomb friction over the width of its prior."""
+    """The largest constant force or Coulomb friction over the width of its prior.
+
+    By this log itself: a prior that a calibration learnt leaves it nothing to say.
+    """
+    fit = weighing.own
     return max(
         abs(float(found)) / width
-        for term, found, width in zip(
-            weighing.fit.terms, weighing.fit.posterior[0], weighing.fit.prior_std, strict=True
-        )
+        for term, found, width in zip(fit.terms, fit.posterior[0], fit.prior_std, strict=True)
         if term.name in ("const", "direction")
     )
 
@@ -93,11 +95,11 @@ def _told(name: str, meaning: str) -> CheckRow:
     return CheckRow(
         name,
         "mass",
-        _of_fit(lambda weighing: weighing.fit.terms_t.get(name, np.nan)),
+        _of_fit(lambda weighing: weighing.own.terms_t.get(name, np.nan)),
         meaning,
         maximum="term_t_max",
         applies=lambda evidence, _: (
-            evidence.weighing is not None and name in evidence.weighing.fit.terms_t
+            evidence.weighing is not None and name in evidence.weighing.own.terms_t
         ),
         consequence="tell",
         remedy="the fit has the term; mending its cause would narrow the answer",

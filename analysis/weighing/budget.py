@@ -69,6 +69,12 @@ _PARTS: Final = {
         "noise of speed and acceleration, known to a quarter",
         "a quieter accelerometer, or settings.noise",
     ),
+    "learnt": _FitPart(
+        "common",
+        "means of the priors that a calibration learnt: wrong in all its logs alike, so that its "
+        "line takes it with it",
+        "the calibration, which has taken it off the calibrated mass",
+    ),
     "speed_delay": _FitPart(
         "common", "delay of the speed behind the accelerometer", "topics with one clock"
     ),

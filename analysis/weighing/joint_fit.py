@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.settings import PriorSettings
+from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
@@ -44,6 +44,20 @@ _LEAST_SLIP: Final = 0.05
 
 
 @dataclass(frozen=True)
+class PriorMeans:
+    """Means of the priors.
+
+    Attributes:
+        mean: (terms,) of the priors, the lag's of the whole lag.
+        mean_u: (terms,) standard uncertainties of those that a calibration learnt: its logs share
+            their error; else 0.
+    """
+
+    mean: Floats
+    mean_u: Floats
+
+
+@dataclass(frozen=True)
 class JointFit:
     """The fit, and how it came about.
 
@@ -60,6 +74,7 @@ class JointFit:
         found: what the columns were made with in the end.
         shifted: whether the force was moved back by the lag.
         averaging_share: what a longer mean changes, where the mass depends on its length.
+        prior_means: and their uncertainty.
     """
 
     terms: tuple[Nuisance, ...]
@@ -71,7 +86,8 @@ class JointFit:
     motion: Equation
     lag_shape_kg: Floats
     found: EarlierRounds
-    shifted: bool = True
+    shifted: bool
+    prior_means: PriorMeans
     averaging_share: float = 0.0
 
     @property
@@ -87,7 +103,15 @@ class JointFit:
     @property
     def posterior(self) -> tuple[Floats, Floats]:
         """What the log says of the terms, (terms,), and the deviations."""
-        return self.fit.theta[self.count + 1 :], self.fit.std[self.count + 1 :]
+        own = self.fit.std[self.count + 1 :]
+        by_means = self._of_means[:, self.count + 1 :]
+        return self.fit.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
+
+    @property
+    def _of_means(self) -> Floats:
+        """(terms, p) what one standard uncertainty of each learnt mean moves the estimates by."""
+        responses = self.fit.responses[self.count + 1 :]
+        return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
     @property
     def lag_s(self) -> float:
@@ -138,6 +162,9 @@ class JointFit:
             "averaging": abs(self.averaging_share * mass_kg),
         }
         parts |= self._of_wheels(wide, parts["slip"])
+        learnt_kg = np.append(self._of_means @ wide, self._of_wheels_means(wide))
+        if learnt_kg.any():
+            parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
         if wheels is not None and wheels.gain_counts:
             # a wrong wheel radius is in the force, and in a speed's derivative once more
@@ -153,26 +180,36 @@ class JointFit:
         wheels, friction = self.kinematics, max(self.friction[0], 0.0)
         if wheels is None or not wheels.goes_together:
             return {}
+        moves = self._moves(weights)
+        width = self.prior_std[_place("slip", self.terms)]
+        found = moves @ np.linalg.cholesky(wheels.covariance)
+        of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
+        beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
+        parts = {"slip": float(np.hypot(found[0], beside))}
+        if self.motion.by_accelerometer:
+            parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
+        return parts
+
+    def _of_wheels_means(self, weights: Floats) -> Floats:
+        """What the uncertainties of a calibration's slip, gain and delay do to a sum of masses."""
+        wheels = self.kinematics
+        return np.zeros(0) if wheels is None else self._moves(weights) * wheels.mean_u
+
+    def _moves(self, weights: Floats) -> Floats:
+        """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
+        friction = max(self.friction[0], 0.0)
         slip = self.count + 1 + _place("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
         width = self.prior_std[_place("slip", self.terms)]
         masses_kg = float(weights[: self.count] @ self.masses_kg)
-        by_accelerometer = self.motion.by_accelerometer
-        moves = np.array(
+        return np.array(
             [
                 -friction * response / width,
                 -masses_kg if self.corrects_gain else 0.0,
-                -friction * float(weights.sum()) if by_accelerometer else 0.0,
+                -friction * float(weights.sum()) if self.motion.by_accelerometer else 0.0,
             ]
         )
-        found = moves @ np.linalg.cholesky(wheels.covariance)
-        of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
-        beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
-        parts = {"slip": float(np.hypot(found[0], beside))}
-        if by_accelerometer:
-            parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
-        return parts
 
     @property
     def masses_kg(self) -> Floats:
@@ -212,7 +249,7 @@ def joint_fit(
     motion: Equation, noise: NoiseOfColumns, priors: PriorSettings, states: States | None = None
 ) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
-    wheels = kinematics(motion, noise, priors)
+    wheels = _wheels(motion, noise, priors)
     terms = tuple(term for term in NUISANCES if term.applies(motion))
     whole = _Task(motion, noise, priors, terms, wheels, states)
     part = whole.beginning(_TRIED)
@@ -228,7 +265,7 @@ def joint_fit(
         # slip is of the force on the ground at that moment
         in_time = motion.with_force_moved_back(best.lag_s)
         acting = replace(in_time, force=best.found.acting(in_time))
-        whole = replace(whole, wheels=kinematics(acting, noise, priors))
+        whole = replace(whole, wheels=_wheels(acting, noise, priors))
     share = _averaging_share(first, lengths.index(samples))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:
@@ -239,6 +276,12 @@ def joint_fit(
     if not chosen.fit.misfit.any():
         return chosen
     return replace(chosen, lag_shape_kg=chosen.masses_kg - other.masses_kg)
+
+
+def _wheels(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
+    """What the wheels say, or what a calibration says of them."""
+    found = kinematics(motion, noise, priors)
+    return None if found is None else found.learnt(priors)
 
 
 def _averaging_share(by_length: list[JointFit], place: int) -> float:
@@ -328,11 +371,12 @@ class _Task:
         first = 2 if levels is None else levels.count + 1
         known = begin.found if begin else EarlierRounds(slip_1_N=self._slip())
         known = known if shift else replace(known, lag_s=0.0)
-        fitted = None
+        fitted, mean, known_s = None, std, 0.0
         friction = begin.friction[0] if begin else None
         for number in range(rounds):
             mean, std = self._priors(friction)
-            mean[lag] = -known.lag_s
+            known_s = known.lag_s
+            mean[lag] -= known_s
             rows = averages(self.motion, self.noise, self.terms, samples, known)
             fitted = prior_fit.fit(
                 rows.A,
@@ -364,7 +408,8 @@ class _Task:
             self.motion,
             np.zeros(first - 1),
             known,
-            shifted=shift,
+            shift,
+            self._prior_means(mean, known_s),
         )
 
     def _found(
@@ -387,7 +432,7 @@ class _Task:
         """What each manoeuvre says of its mass, by what a fit found."""
         mean, std = self._priors(friction)
         lag = _place("lag", self.terms)
-        mean[lag] = -found.lag_s
+        mean[lag] -= found.lag_s
         rows = averages(self.motion, self.noise, self.terms, samples, found)
         return units_of(
             rows.A,
@@ -408,8 +453,32 @@ class _Task:
         """Means and widths; those of slip once friction is known: it costs friction · slip."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if friction is None:
-            return mean, std
+        if friction is not None:
+            self._narrow_slip(friction, mean, std)
+        for place, term in self._learnt_places():
+            mean[place], std[place] = term.mean, term.std
+        return mean, std
+
+    def _learnt_places(self) -> list[tuple[int, LearntTerm]]:
+        """Where the terms are of which a calibration says something; slip the wheels say better."""
+        learnt: dict[str, LearntTerm] = {**self.priors.learnt}
+        by_wheels = self.wheels is not None and self.wheels.goes_together
+        return [
+            (place, learnt[term.name])
+            for place, term in enumerate(self.terms)
+            if term.name in learnt and not (by_wheels and term.name == "slip")
+        ]
+
+    def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
+        """Those of a round, whose force was moved back by so much."""
+        mean, mean_u = mean.copy(), np.zeros(len(self.terms))
+        mean[_place("lag", self.terms)] += moved_s
+        for place, term in self._learnt_places():
+            mean_u[place] = term.mean_u
+        return PriorMeans(mean, mean_u)
+
+    def _narrow_slip(self, friction: float, mean: Floats, std: Floats) -> None:
+        """Slip costs friction · slip, and the wheels may tell it."""
         at = _place("slip", self.terms)
         friction = max(friction, 0.0)
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
@@ -417,4 +486,3 @@ class _Task:
         if self.wheels is not None and self.wheels.goes_together:
             mean[at] = -friction * self.wheels.slip_1_N[0]
             std[at] = np.hypot(friction * self.wheels.slip_1_N[1], _LEAST_SLIP * std[at])
-        return mean, std

@@ -21,6 +21,8 @@ from estimators.fit_loss import group_rows
 from estimators.group_sums import NoiseMoments
 from estimators.prior_fit import Grouping
 
+#: What a calibration learns of them, in this order.
+TERMS: Final = ("wheel_slip", "gain", "speed_delay")
 #: Means of so many samples are compared, and manoeuvres shorter than ten of them are not.
 _MEAN: Final = 10
 #: Of so many samples the noise is what adds up.
@@ -59,6 +61,9 @@ class Kinematics:
         covariance: (3, 3) of slip, gain (with its prior) and delay: what is taken for one is
             not taken for another.
         mismatch: residuals over the speed's noise; above 3 slip and delay are not taken from here.
+        prior_std: (3,) of slip, gain and delay.
+        mean_u: (3,) likewise, standard uncertainty of what a calibration learnt; else 0.
+        own: what this log says where a calibration's words stand here instead.
     """
 
     gain: tuple[float, float]
@@ -68,11 +73,40 @@ class Kinematics:
     gain_counts: bool
     covariance: Floats
     mismatch: float
+    prior_std: Floats
+    mean_u: Floats
+    own: "Kinematics | None" = None
+
+    @property
+    def by_term(self) -> dict[str, tuple[float, float]]:
+        """Slip, gain and delay by the names that a calibration learns them by."""
+        return dict(zip(TERMS, (self.slip_1_N, self.gain_by_prior, self.delay_s), strict=True))
 
     @property
     def goes_together(self) -> bool:
         """Whether wheels and accelerometer go together at all."""
         return self.mismatch <= _MISMATCH
+
+    def learnt(self, priors: PriorSettings) -> "Kinematics":
+        """The same as a calibration says it, once for all its logs.
+
+        The three are found together, so they are taken together, and where this log's gain is
+        beyond its prior, or nothing goes together, its own words stand.
+        """
+        terms = [priors.learnt[name] for name in TERMS if name in priors.learnt]
+        if len(terms) < len(TERMS) or not self.goes_together or self.gain_counts:
+            return self
+        slip, gain, delay = ((term.mean, term.std) for term in terms)
+        return replace(
+            self,
+            slip_1_N=slip,
+            gain_by_prior=gain,
+            delay_s=delay,
+            covariance=np.diag([term.std**2 for term in terms]),
+            prior_std=np.array([term.std for term in terms]),
+            mean_u=np.array([term.mean_u for term in terms]),
+            own=self,
+        )
 
 
 def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
@@ -163,6 +197,8 @@ def _compared(
         gain_counts=counts,
         covariance=covariance[np.ix_([1, 0, 2], [1, 0, 2])],
         mismatch=mismatch,
+        prior_std=std[[1, 0, 2]],
+        mean_u=np.zeros(len(TERMS)),
     )
 
 

@@ -11,6 +11,7 @@ from analysis.schema import CALIBRATED, FRAMES, build
 from analysis.weighing.budget import budget, combined, unknown_scale
 from analysis.weighing.equation import Floats, Ints
 from analysis.weighing.joint_fit import JointFit
+from analysis.weighing.kinematics import TERMS
 from analysis.weighing.states import States, stretch_units
 from analysis.weighing.weigh import Weighing
 
@@ -22,6 +23,12 @@ _HEAVIER: Final = 3.0
 _AS_LIGHT: Final = 3.0
 #: So many manoeuvres are named, the others counted.
 _TOLD: Final = 3
+#: Unit and meaning of what the wheels say of slip, gain and delay.
+_OF_WHEELS: Final = (
+    ("1/N", "what share of its speed a newton makes the wheels slip, by the wheels"),
+    ("1", "gain of the accelerometer less 1, by the wheels"),
+    ("s", "delay of the speed behind the accelerometer, by the wheels"),
+)
 _NOT_EMPTY: Final = (
     "settings.loads.empty_from_s and empty_to_s name no load of several: payloads are to the "
     "machine's empty mass"
@@ -295,20 +302,65 @@ def nuisances(weighing: Weighing | None) -> pl.DataFrame:
     """Make `nuisances`: a row a term, prior and posterior."""
     if weighing is None:
         return _empty("nuisances")
-    fit = weighing.fit
+    rows = pl.concat([_terms(weighing), _wheels(weighing)], how="diagonal")
+    return build("nuisances", rows.to_dict())
+
+
+def _terms(weighing: Weighing) -> pl.DataFrame:
+    """The terms of the fit."""
+    fit, own = weighing.fit, weighing.alone
     parts_kg = fit.parts_kg(fit.weights(fit.main))
-    return build(
-        "nuisances",
-        {
-            "term": pl.Series([term.name for term in fit.terms]),
-            "unit": pl.Series([term.unit for term in fit.terms]),
-            "prior_std": fit.prior_std,
-            "posterior": fit.posterior[0],
-            "posterior_std": fit.posterior[1],
-            "u_kg": np.array([parts_kg[term.name] for term in fit.terms]),
-            "meaning": pl.Series([term.meaning for term in fit.terms]),
-        },
-    )
+    columns = {
+        "term": [term.name for term in fit.terms],
+        "unit": [term.unit for term in fit.terms],
+        "prior_mean": fit.prior_means.mean,
+        "prior_std": fit.prior_std,
+        "posterior": fit.posterior[0],
+        "posterior_std": fit.posterior[1],
+        "u_kg": [parts_kg[term.name] for term in fit.terms],
+        "meaning": [term.meaning for term in fit.terms],
+    }
+    if own is None:
+        return pl.DataFrame(columns)
+    alone = {
+        "prior_mean_u": fit.prior_means.mean_u,
+        "alone": own.posterior[0],
+        "alone_std": own.posterior[1],
+        "alone_prior_mean": own.prior_means.mean,
+        "alone_prior_std": own.prior_std,
+    }
+    return pl.DataFrame({**columns, **alone})
+
+
+def _wheels(weighing: Weighing) -> pl.DataFrame:
+    """What wheels and accelerometer say of each other, where they go together."""
+    fit, own = weighing.fit, weighing.alone
+    wheels = fit.kinematics
+    if wheels is None or not wheels.goes_together or wheels.gain_counts:
+        return pl.DataFrame()
+    parts_kg = fit.parts_kg(fit.weights(fit.main))
+    said = list(wheels.by_term.values())
+    rows: dict[str, object] = {
+        "term": TERMS,
+        "unit": [unit for unit, _ in _OF_WHEELS],
+        "prior_mean": [0.0] * len(TERMS) if wheels.own is None else [mean for mean, _ in said],
+        "prior_std": wheels.prior_std,
+        "posterior": [value for value, _ in said],
+        "posterior_std": np.hypot([std for _, std in said], wheels.mean_u),
+        # that of the slip is in the term of its own
+        "u_kg": [0.0, parts_kg.get("gain", 0.0), parts_kg.get("speed_delay", 0.0)],
+        "meaning": [meaning for _, meaning in _OF_WHEELS],
+    }
+    if own is not None:
+        alone = wheels if wheels.own is None else wheels.own
+        rows |= {
+            "prior_mean_u": wheels.mean_u,
+            "alone": [value for value, _ in alone.by_term.values()],
+            "alone_std": [std for _, std in alone.by_term.values()],
+            "alone_prior_mean": [0.0] * len(TERMS),
+            "alone_prior_std": alone.prior_std,
+        }
+    return pl.DataFrame(rows)
 
 
 def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:

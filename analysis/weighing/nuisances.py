@@ -1,6 +1,7 @@
 """The one table of nuisance terms: what a real machine's force holds besides m a + b v.
 
-Each has a column, a prior whose width scales with the machine, and a sentence. Prior means are 0.
+Each has a column, a prior whose width scales with the machine, and a sentence. Prior means are 0
+where no calibration learnt another (`settings.priors.learnt`).
 """
 
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """Weigh a log: the joint fit, how it bears other priors, and whether braking goes with driving."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -64,6 +64,7 @@ class Weighing:
             driving alone can contradict.
         curvature: what a term in a·|a| finds.
         growing: the manoeuvres whose load changes while they drive; they are not fitted.
+        alone: the same fit without what a calibration learnt; None where that is the answer.
     """
 
     fit: JointFit
@@ -74,6 +75,12 @@ class Weighing:
     braking_doubted: bool
     curvature: Curvature
     growing: tuple[Growth, ...]
+    alone: JointFit | None = None
+
+    @property
+    def own(self) -> JointFit:
+        """What this log says of the nuisances by itself."""
+        return self.fit if self.alone is None else self.alone
 
 
 @dataclass(frozen=True)
@@ -160,12 +167,22 @@ def weigh(
         doubted,
         curvature(fit, columns, priors),
         grown,
+        _alone(fit, columns, priors),
     )
 
 
 def _without(motion: Equation, grown: tuple[Growth, ...]) -> Equation:
     """The same without the manoeuvres whose load changes."""
     return motion.without(np.isin(motion.unit, [each.unit for each in grown]))
+
+
+def _alone(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit | None:
+    """Fit once more without what a calibration learnt; None where it learnt nothing."""
+    if not priors.learnt:
+        return None
+    wheels = fit.kinematics
+    own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
+    return again(own, noise, priors.model_copy(update={"learnt": {}}))
 
 
 def _apart_kg(one: JointFit, other: JointFit) -> float:
@@ -195,4 +212,9 @@ def _derived_from_speed(machine: Machine) -> bool:
 
 def _scaled(priors: PriorSettings, times: float) -> PriorSettings:
     """The priors with other widths."""
-    return priors.model_copy(update={n: v * times for n, v in priors.model_dump().items()})
+    learnt = {
+        name: term.model_copy(update={"std": term.std * times})
+        for name, term in priors.learnt.items()
+    }
+    widths = {n: v * times for n, v in priors.model_dump(exclude={"learnt"}).items()}
+    return priors.model_copy(update={**widths, "learnt": learnt})

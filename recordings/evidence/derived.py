@@ -1,6 +1,7 @@
 """What evidence holds that follows from the campaign and machine files alone."""
 
 import hashlib
+from typing import Any
 
 from analysis.calibration.campaign import CalibrationCampaign
 from analysis.calibration.reference_masses import references
@@ -10,12 +11,24 @@ from recordings.evidence.document import Estimator, ReferenceLoad
 
 
 def estimator_of(campaign: CalibrationCampaign, machine: Machine) -> Estimator:
-    """The estimator by name, and the digest of what defines it: channels, settings, priors."""
-    defined = {"estimator": campaign.method.estimator, "machine": machine.model_dump(mode="json")}
+    """The estimator by name, and the digest of what defines it: channels, settings, priors.
+
+    Args:
+        campaign: its method.
+        machine: with the priors that were learnt. When it was empty is no part of how it weighs.
+    """
+    defined = {"estimator": campaign.method.estimator, "machine": definition(machine)}
     return Estimator(
         name=campaign.method.estimator,
         definition_sha256=hashlib.sha256(canonical(defined)).hexdigest(),
     )
+
+
+def definition(machine: Machine) -> dict[str, Any]:
+    """Of a machine, what defines its mass, as plain values."""
+    values = machine.model_dump(mode="json")
+    del values["settings"]["loads"]
+    return values
 
 
 def reference_loads(

@@ -15,6 +15,7 @@ from analysis.calibration.calibration import Calibration, CalibrationOptions
 from analysis.calibration.campaign import CalibrationCampaign, Id, Line
 from analysis.calibration.drift import DriftCheck
 from analysis.calibration.error_limits import ErrorLimits
+from analysis.calibration.learnt import LearntPriors, with_learnt
 from analysis.machine import Machine
 from estimators.errors import EvidenceError
 from recordings.evidence.canonical import canonical, parse
@@ -167,6 +168,7 @@ class EvidenceDocument(BaseModel):
     campaign: CalibrationCampaign
     expires: dt.date
     machine: Machine
+    learnt: LearntPriors | None
     estimator: Estimator
     logs: tuple[EvidenceLog, ...] = Field(min_length=1)
     references: tuple[ReferenceLoad, ...] = Field(min_length=1)
@@ -187,6 +189,11 @@ class EvidenceDocument(BaseModel):
     def data(self) -> bytes:
         """The bytes of `evidence.json`."""
         return canonical(self.model_dump(mode="json"))
+
+    @property
+    def weighing(self) -> Machine:
+        """The machine as its mass is found: with the priors that were learnt."""
+        return self.machine if self.learnt is None else with_learnt(self.machine, self.learnt.terms)
 
     def log(self, name: str) -> EvidenceLog | None:
         """The log of that name."""

@@ -12,6 +12,7 @@ from analysis.calibration.campaign import CampaignRun
 from analysis.calibration.campaign_fit import CampaignFit, fit_campaign, options_of
 from analysis.calibration.drift import DriftCheck
 from analysis.calibration.error_limits import WITHIN
+from analysis.calibration.learnt import learnt_terms
 from analysis.calibration.mass_check import check_known_mass
 from estimators.errors import CampaignError
 from recordings.evidence.as_found import rms_error_kg
@@ -130,7 +131,8 @@ def _of_files(document: EvidenceDocument) -> Findings:
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
-    if document.estimator != estimator_of(campaign, machine):
+    yield from _of_learnt(document)
+    if document.estimator != estimator_of(campaign, document.weighing):
         yield _irreproducible("estimator", "is not that of the settings")
     try:
         loads, covariance = reference_loads(campaign, machine)
@@ -151,6 +153,24 @@ def _of_files(document: EvidenceDocument) -> Findings:
         yield BundleFinding(
             BundleOutcome.INCOMPLETE, f"{EVIDENCE}: logs", "are not the logs of the campaign's runs"
         )
+
+
+def _of_learnt(document: EvidenceDocument) -> Findings:
+    """The priors that the logs' own words come to."""
+    learnt, campaign = document.learnt, document.campaign
+    if learnt is None:
+        return
+    if not campaign.learns:
+        yield _irreproducible("learnt", "is there, and the campaign learns nothing")
+    stored, computed = (
+        {name: term.model_dump() for name, term in terms.items()}
+        for terms in (learnt.terms, learnt_terms(learnt.logs))
+    )
+    if not all(near for _, near in differences(stored, computed)):
+        yield _irreproducible("learnt", "does not follow from what its logs say")
+    said = {each.log for each in learnt.logs}
+    if document.kind == "calibration" and not said <= set(campaign.logs):
+        yield _irreproducible("learnt", "is of other logs than the campaign's")
 
 
 def _of_runs(document: EvidenceDocument, readings: pl.DataFrame) -> Findings:

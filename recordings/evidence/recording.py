@@ -45,12 +45,12 @@ def write_calibration(
         for run in document.campaign.runs
         if (log := document.log(run.log)) is not None
     ]
-    resolved = document.machine.model_dump(mode="json")
+    resolved = document.weighing.model_dump(mode="json")
     del resolved["settings"]
     about = Provenance(
         inputs=tuple(InputFile(**file.model_dump()) for log in document.logs for file in log.files),
         machine=resolved,
-        settings=document.machine.settings,
+        settings=document.weighing.settings,
         versions={"payscope": document.software.payscope, "python": document.software.python},
         notes=(
             f"evidence {document.id} of machine {document.campaign.machine.id}, "

@@ -6,6 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from replay.commands.options import (
+    Calibration,
+    RequireSigned,
+    SignerKey,
+    asked_calibration,
+)
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -32,6 +39,9 @@ def command(
             "--other-logs", help="Compare settings, masses and verdict of different logs."
         ),
     ] = False,
+    calibration: Calibration = None,
+    key: SignerKey = None,
+    require_signed: RequireSigned = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print every difference as JSON.")
     ] = False,
@@ -44,7 +54,13 @@ def command(
     from replay.commands.printing import print_json
     from replay.compare import compare_recordings
 
-    found = compare_recordings(a, b, rtol=rtol, other_logs=other_logs)
+    found = compare_recordings(
+        a,
+        b,
+        rtol=rtol,
+        other_logs=other_logs,
+        calibration=asked_calibration(calibration, key, signed=require_signed),
+    )
     if as_json:
         print_json({"a": str(a), "b": str(b), **found.to_dict()})
     else:

@@ -1,4 +1,4 @@
-"""`payscope demo`: the paper's calibration campaign, simulated, through everything."""
+"""`payscope demo`: the paper's campaign, simulated, calibrated, verified, through everything."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +19,7 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace the files of an earlier demo.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
-    """Simulate six loads × nine runs as ROS bags, replay them, calibrate, record and draw."""
+    """Simulate six loads × nine starts as ROS bags, calibrate, verify the evidence, draw."""
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
     from replay.demo import STEPS, demo
@@ -37,13 +37,20 @@ def _render(result: "Demo") -> "RenderableType":
     import polars as pl
     from rich.console import Group
 
+    from analysis.answer import JOINT
     from replay.commands.printing import plain_table
 
     loads = plain_table(
-        "load kg", "runs", "estimate kg", "± kg a run", "calibrated kg", "error kg", "left out kg"
+        "load kg",
+        "starts",
+        "estimate kg",
+        "± kg a start",
+        "calibrated kg",
+        "error kg",
+        "left out kg",
     )
-    loads.title = "Pooled least squares, means of nine runs, calibrated by (19)"
-    for row in result.calibration.filter(pl.col("method") == "pooled").iter_rows(named=True):
+    loads.title = "The joint fit, means of nine starts, calibrated"
+    for row in result.calibration.filter(pl.col("method") == JOINT).iter_rows(named=True):
         numbers = (
             row["estimate_kg"],
             row["estimate_std_kg"],
@@ -68,6 +75,11 @@ def _render(result: "Demo") -> "RenderableType":
     constant = result.errors["rmse_constant_kg"].drop_nulls()
     notes = [f"A constant predictor scores {constant[0]:.1f} kg."] if constant.len() else []
     made = [f"  {path}" for path in result.files]
+    line = result.calibrated.document.calibration
+    if line is not None:
+        half_kg = line.u_kg * line.coverage_k_1
+        notes.append(f"Evidence: a later mass of nine starts is known to ± {half_kg:.1f} kg.")
+    notes += [*(str(finding) for finding in result.verified.findings), result.verified.verdict]
     return Group(loads, "", methods, *notes, "", "Files:", *made)
 
 

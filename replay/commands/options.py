@@ -1,11 +1,13 @@
 """Options that several commands have."""
 
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 if TYPE_CHECKING:
+    from replay.calibrated import AskedCalibration
     from replay.readers import TimeAxis
 
 
@@ -16,6 +18,37 @@ class FrameFormat(StrEnum):
     csv = "csv"
     json = "json"
     parquet = "parquet"
+
+
+#: Evidence that calibrates the masses of loads, and what is asked of it.
+Calibration = Annotated[
+    Path | None,
+    typer.Option("--calibration", metavar="DIR", help="Evidence that calibrates the masses."),
+]
+SignerKey = Annotated[
+    Path | None,
+    typer.Option("--key", help="Public key (PEM) that the evidence has to be signed with."),
+]
+RequireSigned = Annotated[
+    bool, typer.Option("--require-signed", help="Refuse evidence without a signature.")
+]
+
+
+def asked_calibration(
+    folder: Path | None, key: Path | None, *, signed: bool
+) -> "AskedCalibration | None":
+    """What is asked for by these options.
+
+    Raises:
+        BadParameter: what is asked of evidence, without any.
+    """
+    if folder is None:
+        if key is not None or signed:
+            raise typer.BadParameter("--key and --require-signed are of --calibration")
+        return None
+    from replay.calibrated import AskedCalibration
+
+    return AskedCalibration(folder, key, signed)
 
 
 _UNITS = ("s", "ms", "us", "ns")

@@ -5,6 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from replay.commands.options import (
+    Calibration,
+    RequireSigned,
+    SignerKey,
+    asked_calibration,
+)
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -41,6 +48,9 @@ def command(
         float | None,
         typer.Option("--goal", metavar="KG", min=1e-3, help="Say what would reach ± KG."),
     ] = None,
+    calibration: Calibration = None,
+    key: SignerKey = None,
+    require_signed: RequireSigned = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
     """Replay logs as one time line and estimate the mass; judge whether these logs can weigh.
@@ -49,7 +59,7 @@ def command(
     """
     from replay.commands.printing import print_json
     from replay.commands.progress import Stages
-    from replay.replay_logs import STEPS, replay_logs
+    from replay.replay_logs import STEPS, RecordTo, replay_logs
 
     if live and output is None:
         raise typer.BadParameter("--live shows a recording: name it with -o")
@@ -60,11 +70,10 @@ def command(
         answer = replay_logs(
             logs,
             machine,
-            output,
+            RecordTo(output, force, live),
             settings,
             strict=strict,
-            force=force,
-            live=live,
+            calibration=asked_calibration(calibration, key, signed=require_signed),
             on_stage=stages.begin,
         )
     if as_json:
@@ -178,9 +187,9 @@ def _remark(check: "Check") -> str:
 def _print_worth(screen: "Console", answer: "Answer") -> None:
     """The answer, and where its uncertainty comes from."""
     from recordings.worth_text import (
-        LOAD_HEADS,
         advice,
         budget_rows,
+        load_heads,
         load_rows,
         main_load,
         worth_lines,
@@ -191,8 +200,9 @@ def _print_worth(screen: "Console", answer: "Answer") -> None:
         print_line(screen, line)
     several = len(answer.loads) > 1
     if several:
-        loads = plain_table(*LOAD_HEADS[:-1])
-        loads.add_column(LOAD_HEADS[-1], overflow="fold")
+        heads = load_heads(answer)
+        loads = plain_table(*heads[:-1])
+        loads.add_column(heads[-1], overflow="fold")
         for load in load_rows(answer):
             loads.add_row(*load)
         print_table(screen, loads)

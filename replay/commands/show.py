@@ -5,10 +5,18 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from replay.commands.options import FrameFormat
+from replay.commands.options import (
+    Calibration,
+    FrameFormat,
+    RequireSigned,
+    SignerKey,
+    asked_calibration,
+)
 
 if TYPE_CHECKING:
     import polars as pl
+
+    from replay.calibrated import AskedCalibration
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN: Final = 40
@@ -34,12 +42,18 @@ def command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
     ] = None,
+    calibration: Calibration = None,
+    key: SignerKey = None,
+    require_signed: RequireSigned = False,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Print a stage of a recording, or list its stages."""
     if stage is not None:
         wanted = output_format and output_format.value
-        _show_stage(recording, stage, (start_s, end_s), wanted, output, force=force)
+        asked = asked_calibration(calibration, key, signed=require_signed)
+        _show_stage((recording, stage, asked), (start_s, end_s), wanted, output, force=force)
+    elif calibration is not None:
+        raise typer.BadParameter("--calibration is for stage loads; name it")
     elif (start_s, end_s, output) != (None, None, None):
         raise typer.BadParameter("--from, --to and -o are for a stage; name one")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):
@@ -74,8 +88,7 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
 
 
 def _show_stage(
-    recording: Path,
-    name: str,
+    asked: "tuple[Path, str, AskedCalibration | None]",
     seconds: tuple[float | None, float | None],
     output_format: str | None,
     output: Path | None,
@@ -87,11 +100,15 @@ def _show_stage(
     from replay.commands.frame_output import format_of, print_frame
     from replay.show import Stage
 
+    recording, name, calibration = asked
     output_format = format_of(output_format, output)
     if output is not None:
         keep_apart(output, [recording])
         check_output(output, force=force)
-    stage = Stage.read(recording, name).between(*seconds)
+    stage = Stage.read(recording, name)
+    if calibration is not None:
+        stage = stage.calibrated(calibration)
+    stage = stage.between(*seconds)
     if output is None and output_format == "table":
         rows = stage.readable()
         typer.echo(_table(rows, _ROWS_SHOWN), nl=False)

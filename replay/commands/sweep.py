@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from replay.commands.options import FrameFormat
+from replay.commands.options import (
+    Calibration,
+    FrameFormat,
+    RequireSigned,
+    SignerKey,
+    asked_calibration,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,6 +24,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
+    from replay.calibrated import AskedCalibration
     from replay.sweep import Row
 
 #: Whoever reads a file can scroll.
@@ -58,6 +65,9 @@ def command(
         FrameFormat | None,
         typer.Option("--format", help="Default: by the suffix of -o, or a table."),
     ] = None,
+    calibration: Calibration = None,
+    key: SignerKey = None,
+    require_signed: RequireSigned = False,
     as_json: Annotated[bool, typer.Option("--json", help="As --format json.")] = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
@@ -78,6 +88,7 @@ def command(
     weighs = _print_sweep(
         (logs, machine, overrides or [], over),
         reference_kg=reference_kg,
+        calibration=asked_calibration(calibration, key, signed=require_signed),
         output_format=wanted and wanted.value,
         output=output,
         force=force,
@@ -91,6 +102,7 @@ def _print_sweep(
     asked: tuple[list[Path], Path, list[str], list[str]],
     *,
     reference_kg: float | None,
+    calibration: AskedCalibration | None,
     output_format: str | None,
     output: Path | None,
     force: bool,
@@ -115,7 +127,13 @@ def _print_sweep(
     grid = combinations(over)
     with Stages(len(grid)) as stages:
         rows = sweep(
-            logs, machine_file, overrides, grid, reference_kg=reference_kg, on_stage=stages.begin
+            logs,
+            machine_file,
+            overrides,
+            grid,
+            reference_kg=reference_kg,
+            calibration=calibration,
+            on_stage=stages.begin,
         )
     if output is None and output_format == "table":
         console().print(_tables(rows))
@@ -150,6 +168,7 @@ def _frame(rows: Sequence[Row]) -> pl.DataFrame:
                 for name in ("mass_kg", "mass_std_kg", *row.errors)
                 for method, value in (row.errors.get(name) or _by_method(row, name)).items()
             },
+            **_calibrated(row),
             "accepted_share_1": row.answer.accepted_share,
             "can_weigh": row.answer.verdict.can_weigh,
             "failed": " ".join(_failed(row)),
@@ -162,12 +181,23 @@ def _frame(rows: Sequence[Row]) -> pl.DataFrame:
     return pl.from_dicts(flat, infer_schema_length=None)
 
 
+def _calibrated(row: Row) -> dict[str, float | str | None]:
+    """The calibrated mass of a log of one load, where a calibration was given."""
+    loads = row.answer.loads
+    if not loads or "calibrated_kg" not in loads[0]:
+        return {}
+    names = ("calibrated_kg", "calibrated_low_kg", "calibrated_high_kg", "calibrated_reason")
+    return {name: loads[0][name] if len(loads) == 1 else None for name in names}
+
+
 def _tables(rows: Sequence[Row]) -> RenderableType:
     """Masses and verdict a combination; below, where a truth is known, how wrong they are."""
     from rich.console import Group
 
     masses = _table(rows, _mass, ("used", "weighs"), _verdict)
     parts: list[RenderableType] = ["Mass ± standard deviation, kg", masses]
+    if _calibrated(rows[0]):
+        parts += ["", "Calibrated mass and its interval, kg", _of_calibration(rows)]
     for name in rows[0].errors:
         errors = _table(rows, lambda row, method, of=name: _kg(row.errors[of].get(method)))
         parts += ["", _TITLES[name], errors]
@@ -190,6 +220,20 @@ def _table(
         table.columns[-1].justify = "left"
     for row in rows:
         table.add_row(*row.over.values(), *(cell(row, method) for method in methods), *rest(row))
+    return table
+
+
+def _of_calibration(rows: Sequence[Row]) -> Table:
+    """A row a combination: the calibrated mass, or why there is none."""
+    from replay.commands.printing import plain_table
+
+    table = plain_table(*_names(rows[0].over).values(), "calibrated", "from", "to")
+    table.add_column("", overflow="fold")
+    for row in rows:
+        mass, low, high, reason = _calibrated(row).values()
+        numbers = (value if isinstance(value, float) else None for value in (mass, low, high))
+        why = reason if reason is not None else "several loads: --json has each"
+        table.add_row(*row.over.values(), *map(_kg, numbers), str(why))
     return table
 
 

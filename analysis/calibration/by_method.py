@@ -1,0 +1,87 @@
+"""The frame `calibration`: a line for each method, by the same fit as evidence."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.calibration import Calibration, CalibrationOptions, Point
+from analysis.calibration.campaign_fit import unfitted_points
+from analysis.calibration.fit import fit_calibration
+from analysis.schema import conform
+from estimators.errors import DataError
+
+#: Of a point, the columns of the frame.
+_COLUMNS = {
+    "reference_kg": "reference_kg",
+    "readings": "runs",
+    "mean_kg": "estimate_kg",
+    "std_kg": "estimate_std_kg",
+    "calibrated_kg": "calibrated_kg",
+    "error_kg": "error_kg",
+    "error_left_out_kg": "error_left_out_kg",
+}
+
+
+def calibrate_methods(estimates: pl.DataFrame) -> pl.DataFrame:
+    """Fit a line to the starts of each method; a load is a point, its masses are known.
+
+    Args:
+        estimates: a row a method and start: `method`, `load_kg`, `reference_kg`, `mass_kg` (null
+            where it gave none).
+
+    Returns:
+        The frame `calibration`: a row a method and load, null from `alpha_1` on where the loads
+        determine no line.
+    """
+    rows: list[dict[str, Any]] = []
+    for (method,), found in estimates.group_by("method", maintain_order=True):
+        load_id = found["load_kg"].cast(pl.String)
+        readings = found.select(
+            run_id=load_id, load_id=load_id, day=pl.lit(""), mass_kg="mass_kg", used=True
+        )
+        known = found.select(load_id=load_id, reference_kg="reference_kg").unique(
+            "load_id", maintain_order=True
+        )
+        exact = np.zeros((known.height, known.height))
+        try:
+            line = fit_calibration(readings, known, exact, CalibrationOptions(str(method)))
+        except DataError:
+            line, points = None, unfitted_points(readings, known)
+        else:
+            points = line.points
+        empty_kg = found["reference_kg"][0] - found["load_kg"][0]
+        rows += point_rows(str(method), points, line, empty_kg)
+    return calibration_frame(rows)
+
+
+def point_rows(
+    method: str, points: Iterable[Point], line: Calibration | None, empty_kg: float
+) -> list[dict[str, Any]]:
+    """The rows of a method, loads ascending.
+
+    Args:
+        method: its name.
+        points: a point a load.
+        line: through them; None where there is none.
+        empty_kg: mass of the machine without a load.
+    """
+    ordered = sorted(points, key=lambda point: point.reference_kg)
+    return [
+        {
+            "method": method,
+            "load_kg": point.reference_kg - empty_kg,
+            **{name: getattr(point, own) for own, name in _COLUMNS.items()},
+            "alpha_1": None if line is None else line.alpha_1,
+            "beta_kg": None if line is None else line.beta_kg,
+        }
+        for point in ordered
+    ]
+
+
+def calibration_frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
+    """The frame of such rows."""
+    texts = {"method": pl.String, "load_kg": pl.Float64, "runs": pl.Int64}
+    numbers = dict.fromkeys((*_COLUMNS.values(), "alpha_1", "beta_kg"), pl.Float64)
+    return conform("calibration", pl.DataFrame(rows, schema={**numbers, **texts}, orient="row"))
