@@ -29,6 +29,7 @@ REASONS: Final = (
     "slip",
     "ill_conditioned",
     "noise_limited",
+    "digging",
 )
 AXES: Final = ("x", "z")
 NOISE_SOURCES: Final = ("standstill", "differences", "setting")
@@ -218,6 +219,16 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("noise_share_z_1", "1", "share of noise in what the yaw acceleration adds"),
                 Column("accepted_z", pl.Boolean, "1", "whether the window is used for spins"),
                 Column("reason_z", REASON, "1", "why, or why not"),
+            ),
+        ),
+        Frame(
+            "digging",
+            "a row a start whose resistance grows: a bucket driven into a pile, not weighed",
+            (
+                Column("start_t_ns", pl.Int64, "ns", "its first sample that drives"),
+                Column("end_t_ns", pl.Int64, "ns", "its last sample that drives"),
+                _f("growth_N", "N", "by how much the resistance grows"),
+                _f("growth_std_N", "N", "its standard deviation"),
             ),
         ),
         Frame(

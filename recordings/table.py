@@ -337,6 +337,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         ),
         "noise": "first second lag covariance source",
         "gate": "t_ns accepted_x accepted_z",
+        "digging": "start_t_ns end_t_ns growth_N growth_std_N",
         "estimates": "t_ns axis",
         "segments": (
             "segment_id start_t_ns end_t_ns samples samples_accepted condition_1 "

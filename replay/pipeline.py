@@ -9,6 +9,7 @@ from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
 from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
+from analysis.digging import digging, without_digging
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
@@ -67,6 +68,8 @@ def run(
     noise = channel_noise(aligned, excitation, machine)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate(excitation, settings, noise)
+    digs = digging(excitation, machine)  # what pushes back is no mass
+    gated = without_digging(gated, excitation, digs, machine)
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
@@ -98,6 +101,7 @@ def run(
             "excitation": excitation,
             "noise": noise,
             "gate": gated,
+            "digging": digs,
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
             "segments": table,
             "planar": plane,
