@@ -21,7 +21,7 @@ ORDER = (
     ("estimators",),
     ("analysis",),
     ("analysis/simulation", "analysis/weighing"),
-    ("analysis/diagnosis",),
+    ("analysis/cycles", "analysis/diagnosis"),
     ("analysis/calibration", "analysis/experiment_design"),
     ("analysis/reproduction",),
     ("recordings",),
