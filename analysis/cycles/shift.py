@@ -14,49 +14,24 @@ _NS: Final = 1e9
 _IDLE_S: Final = 30.0
 
 
-def shift(
-    cycles: pl.DataFrame,
-    excitation: pl.DataFrame,
-    aligned: pl.DataFrame,
-    rejected: Collection[int] = (),
-) -> pl.DataFrame:
+def shift(cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame) -> pl.DataFrame:
     """Make `shift`, one row.
-
-    Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
-    pass is in the payload before it and in the one after. Common parts add up as they are.
 
     Args:
         cycles: the frame.
         excitation: phases.
         aligned: where nothing was recorded.
-        rejected: numbers of cycles that a reviewer does not count.
     """
-    counted = cycles.filter(pl.col("counted") & ~pl.col("cycle").is_in(list(rejected)))
     gaps = holes(excitation, aligned)
     lost = lost_cycles(cycles, gaps)
-    total_kg = float(counted["payload_kg"].sum())
-    random_kg = _random_kg(counted)
-    common_kg = float(counted["payload_u_common_kg"].sum())
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / _NS if t_ns.size else 0.0
     gap_s = sum(end - start for start, end in gaps) / _NS
     idle_s = _idle_s(excitation)
-    payload = counted["payload_kg"]
-    back = counted["carry_back_kg"]
-    row: dict[str, object] = {
+    row = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
-        "cycles": cycles.height,
-        "cycles_counted": counted.height,
-        "cycles_rejected": cycles.filter(pl.col("cycle").is_in(list(rejected))).height,
-        "cycles_without_mass": cycles.filter(pl.col("payload_kg").is_null()).height,
-        "payload_kg": total_kg,
-        "payload_u_random_kg": random_kg,
-        "payload_u_common_kg": common_kg,
-        "payload_u_kg": float(np.hypot(random_kg, common_kg)),
-        "payload_mean_kg": payload.mean(),
-        "payload_std_kg": payload.std(),
-        "carry_back_mean_kg": back.mean(),
+        **_sums(cycles, ()),
         "lost_cycles": lost.cycles,
         "lost_cycles_u": lost.u,
         "lost_kg": lost.payload_kg,
@@ -68,6 +43,53 @@ def shift(
     }
     declared = FRAMES["shift"].columns
     return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
+
+
+def recounted(
+    summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
+) -> pl.DataFrame:
+    """The same with other cycles: calibrated ones, or without some that a reviewer rejects.
+
+    Args:
+        summary: frame `shift`.
+        cycles: frame `cycles`.
+        rejected: numbers of cycles that are not counted.
+    """
+    sums = _sums(cycles, rejected)
+    mean_kg = summary["payload_mean_kg"][0]
+    scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
+    values = [pl.lit(sums[name]).cast(summary.schema[name]).alias(name) for name in sums]
+    return summary.with_columns(*values, pl.col("lost_kg", "lost_u_kg") * scale)
+
+
+def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, float | int | None]:
+    """What cycles add up to.
+
+    Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
+    pass is in the payload before it and in the one after. Common parts add up as they are.
+    """
+    out = pl.col("cycle").is_in(list(rejected))
+    counted = cycles.filter(pl.col("counted") & ~out)
+    payload, back = counted["payload_kg"], counted["carry_back_kg"]
+    random_kg = _random_kg(counted)
+    common_kg = float(counted["payload_u_common_kg"].sum())
+    return {
+        "cycles": cycles.height,
+        "cycles_counted": counted.height,
+        "cycles_rejected": cycles.filter(out).height,
+        "cycles_without_mass": cycles.filter(pl.col("payload_kg").is_null()).height,
+        "payload_kg": float(payload.sum()),
+        "payload_u_random_kg": random_kg,
+        "payload_u_common_kg": common_kg,
+        "payload_u_kg": float(np.hypot(random_kg, common_kg)),
+        "payload_mean_kg": _number(payload.mean()),
+        "payload_std_kg": _number(payload.std()),
+        "carry_back_mean_kg": _number(back.mean()),
+    }
+
+
+def _number(value: object) -> float | None:
+    return value if isinstance(value, float) else None
 
 
 def _random_kg(counted: pl.DataFrame) -> float:
