@@ -29,6 +29,7 @@ REASONS: Final = (
     "slip",
     "ill_conditioned",
     "noise_limited",
+    "digging",
 )
 AXES: Final = ("x", "z")
 NOISE_SOURCES: Final = ("standstill", "differences", "setting")
@@ -53,6 +54,9 @@ CALIBRATED: Final = (
     "calibrated_high_kg",
     "calibrated_reason",
 )
+#: What a cycle's payload is worth.
+QUALITIES: Final = ("good", "weak", "not dumped", "no mass")
+QUALITY: Final = pl.Enum(QUALITIES)
 PHASE: Final = pl.Enum(PHASES)
 REASON: Final = pl.Enum(REASONS)
 
@@ -221,6 +225,16 @@ FRAMES: Final[dict[str, Frame]] = {
             ),
         ),
         Frame(
+            "digging",
+            "a row a start whose resistance grows: a bucket driven into a pile, not weighed",
+            (
+                Column("start_t_ns", pl.Int64, "ns", "its first sample that drives"),
+                Column("end_t_ns", pl.Int64, "ns", "its last sample that drives"),
+                _f("growth_N", "N", "by how much the resistance grows"),
+                _f("growth_std_N", "N", "its standard deviation"),
+            ),
+        ),
+        Frame(
             "estimates",
             "accepted windows only, a row a window of one axis",
             (
@@ -341,6 +355,68 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("end_t_ns", pl.Int64, "ns", "its last fitted sample"),
                 _f("mass_kg", "kg", "mass by this manoeuvre alone"),
                 _f("mass_std_kg", "kg", "its standard deviation by this manoeuvre alone"),
+            ),
+        ),
+        Frame(
+            "cycles",
+            "a row a cycle, from one dump to the next: payload and times",
+            (
+                Column("cycle", pl.Int64, "1", "number of the cycle, from 1"),
+                Column("start_t_ns", pl.Int64, "ns", "the dump before, or where it is first seen"),
+                Column("end_t_ns", pl.Int64, "ns", "its dump, or where it is last seen"),
+                Column("dig_t_ns", pl.Int64, "ns", "first sample that digs (null: not seen)"),
+                Column("dump_t_ns", pl.Int64, "ns", "middle of the stand to dump (null: not seen)"),
+                _f("return_s", "s", "from the dump before to digging"),
+                _f("load_s", "s", "from digging to the first start with the load"),
+                _f("haul_s", "s", "from there to the stand to dump"),
+                _f("dump_s", "s", "that stand"),
+                Column("manoeuvres", pl.Int64, "1", "manoeuvres with the load that were fitted"),
+                Column("loaded_id", pl.Int64, "1", "number of the loaded pass"),
+                _f("loaded_kg", "kg", "mass of the loaded pass"),
+                _f("loaded_u_kg", "kg", "its random standard uncertainty"),
+                Column("empty_before_id", pl.Int64, "1", "number of the empty pass before"),
+                _f("empty_before_kg", "kg", "mass of the empty pass before"),
+                _f("empty_before_u_kg", "kg", "its random standard uncertainty"),
+                Column("empty_after_id", pl.Int64, "1", "number of the empty pass after"),
+                _f("empty_after_kg", "kg", "mass of the empty pass after"),
+                _f("empty_after_u_kg", "kg", "its random standard uncertainty"),
+                _f("tare_before_1", "1", "weight of the empty pass before; the rest is after's"),
+                _f("payload_kg", "kg", "what was dumped: loaded less empty"),
+                _f("payload_u_random_kg", "kg", "the part that differs from cycle to cycle"),
+                _f("payload_u_common_kg", "kg", "the part that all cycles share"),
+                _f("payload_u_kg", "kg", "standard uncertainty, both"),
+                _f("carry_back_kg", "kg", "empty pass after less the cleanest empty ones"),
+                _f("carry_back_u_kg", "kg", "its standard uncertainty"),
+                Column("quality", QUALITY, "1", "what the payload is worth"),
+                Column("counted", pl.Boolean, "1", "whether it is in the sum of the shift"),
+                Column("reason", pl.String, "1", "why there is no mass, or what is wrong with it"),
+            ),
+        ),
+        Frame(
+            "shift",
+            "what the cycles add up to, one row",
+            (
+                Column("start_t_ns", pl.Int64, "ns", "first sample"),
+                Column("end_t_ns", pl.Int64, "ns", "last sample"),
+                Column("cycles", pl.Int64, "1", "cycles that were seen"),
+                Column("cycles_counted", pl.Int64, "1", "cycles in the sum"),
+                Column("cycles_rejected", pl.Int64, "1", "cycles that a reviewer rejected"),
+                Column("cycles_without_mass", pl.Int64, "1", "cycles of which no start tells it"),
+                _f("payload_kg", "kg", "sum of payloads"),
+                _f("payload_u_random_kg", "kg", "its random part: averages out over cycles"),
+                _f("payload_u_common_kg", "kg", "its common part: does not average out"),
+                _f("payload_u_kg", "kg", "standard uncertainty, both"),
+                _f("payload_mean_kg", "kg", "mean payload"),
+                _f("payload_std_kg", "kg", "standard deviation of payloads"),
+                _f("carry_back_mean_kg", "kg", "mean of what was carried back"),
+                _f("lost_cycles", "1", "cycles expected where nothing was recorded"),
+                _f("lost_cycles_u", "1", "standard uncertainty of that"),
+                _f("lost_kg", "kg", "what they would have carried"),
+                _f("lost_u_kg", "kg", "standard uncertainty of that"),
+                _f("duration_s", "s", "from the first sample to the last"),
+                _f("gap_s", "s", "of that without a recording"),
+                _f("idle_s", "s", "of that in stands of more than half a minute"),
+                _f("utilisation_1", "1", "recorded time without idle stands, as a share"),
             ),
         ),
         Frame(

@@ -6,6 +6,7 @@
     ├── ScenarioError       a simulation scenario is wrong
     ├── CampaignError       a campaign file of a calibration is wrong, or its runs give no reading
     ├── EvidenceError       evidence, or a key, cannot be read or written as asked
+    ├── ReviewError         a reviewer's verdicts are wrong, or a folder is no review's
     ├── RecordingError      a recording cannot be read, or does not hold what was asked for
     ├── DataError           the samples cannot be worked with (lengths, no common time, no numbers)
     └── OutputError         an output cannot be written, or is there already
@@ -42,6 +43,10 @@ class CampaignError(PayscopeError):
 
 class EvidenceError(PayscopeError):
     """Evidence of a calibration, or a key, cannot be read or written as asked."""
+
+
+class ReviewError(PayscopeError):
+    """A reviewer's verdicts are wrong, or a folder cannot take a review."""
 
 
 class RecordingError(PayscopeError):

@@ -35,6 +35,11 @@ STATES: Final[dict[str, str]] = {
     "slip": "#ff7675",
     "ill_conditioned": "#a0522d",
     "noise_limited": "#00838f",
+    "digging": "#8d6e63",
+    "good": _GOOD,
+    "weak": "#b38600",
+    "not dumped": _QUIET,
+    "no mass": _BAD,
 }
 
 

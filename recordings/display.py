@@ -20,9 +20,9 @@ _NS: Final = 10**9
 #: A log longer than this opens with decimated series, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * _NS
 _BINS: Final = 3000
-_SPARSE: Final = ("estimates", "segments", "planar", "loads", "manoeuvres")
+_SPARSE: Final = ("estimates", "segments", "planar", "loads", "manoeuvres", "cycles")
 #: Too few rows to be decimated.
-_FEW: Final = ("loads", "manoeuvres")
+_FEW: Final = ("loads", "manoeuvres", "cycles")
 
 
 @dataclass(frozen=True, slots=True)

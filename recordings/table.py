@@ -150,6 +150,15 @@ TABS: Final = (
         ),
     ),
     Tab(
+        "Cycles",
+        (
+            _band("Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"),
+            _band("Carried back", "cycles", "carry_back_kg", "carry_back_u_kg", "carried back ± u"),
+            _states("Cycle", ("cycles", "quality", "cycle")),
+            _SPEED,
+        ),
+    ),
+    Tab(
         "Motion",
         (
             _FORCE,
@@ -337,6 +346,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         ),
         "noise": "first second lag covariance source",
         "gate": "t_ns accepted_x accepted_z",
+        "digging": "start_t_ns end_t_ns growth_N growth_std_N",
         "estimates": "t_ns axis",
         "segments": (
             "segment_id start_t_ns end_t_ns samples samples_accepted condition_1 "
@@ -367,6 +377,18 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         "nuisances": (
             "term unit prior_mean prior_std posterior posterior_std u_kg meaning "
             "prior_mean_u alone alone_std alone_prior_mean alone_prior_std"
+        ),
+        "cycles": (
+            "cycle start_t_ns end_t_ns dig_t_ns dump_t_ns return_s load_s haul_s dump_s manoeuvres "
+            "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "
+            "empty_after_id empty_after_kg empty_after_u_kg tare_before_1 "
+            "payload_u_random_kg payload_u_common_kg counted reason"
+        ),
+        "shift": (
+            "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "
+            "payload_kg payload_u_random_kg payload_u_common_kg payload_u_kg payload_mean_kg "
+            "payload_std_kg carry_back_mean_kg lost_cycles lost_cycles_u lost_kg lost_u_kg "
+            "duration_s gap_s idle_s utilisation_1"
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",

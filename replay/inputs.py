@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from itertools import pairwise
+from typing import Any
 
 import polars as pl
 
@@ -162,21 +163,35 @@ def provenance(
     notes: Sequence[str],
 ) -> Provenance:
     """Hash the inputs and write down everything that the result depends on."""
-    inputs: list[InputFile] = []
-    for log in logs:
-        for path in log.files:
-            with path.open("rb") as stream:
-                digest = hashlib.file_digest(stream, "sha256").hexdigest()
-            inputs.append(InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size))
-    resolved = machine.model_dump(mode="json")
-    del resolved["settings"]
     return Provenance(
-        inputs=tuple(inputs),
-        machine=resolved,
+        inputs=tuple(file for log in logs for file in input_files(log)),
+        machine=resolved(machine),
         settings=machine.settings,
-        versions={"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}},
+        versions=versions(),
         t0_unix_ns=t0_unix_ns,
         stamps=stamps,
         losses=tuple(losses),
         notes=tuple(notes),
     )
+
+
+def input_files(log: Log) -> list[InputFile]:
+    """The files of a log with their digests."""
+    found: list[InputFile] = []
+    for path in log.files:
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        found.append(InputFile(name=path.name, sha256=digest, size_bytes=path.stat().st_size))
+    return found
+
+
+def resolved(machine: Machine) -> dict[str, Any]:
+    """The machine file without its settings, as plain JSON values."""
+    plain = machine.model_dump(mode="json")
+    del plain["settings"]
+    return plain
+
+
+def versions() -> dict[str, str]:
+    """Of whatever may change a number or a recording."""
+    return {"python": platform.python_version(), **{n: version(n) for n in _VERSIONS}}

@@ -7,8 +7,11 @@ from analysis.align import align
 from analysis.align import notes as grid_notes
 from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
+from analysis.cycles.cycles import cycles
+from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
+from analysis.digging import digging, without_digging
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
@@ -29,7 +32,7 @@ from replay.readers import Log
 #: What `on_stage` is told, in order.
 STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
-    *("noise", "gate", "segments", "weigh", "trace", "verdict", "planar"),
+    *("noise", "gate", "segments", "weigh", "trace", "verdict", "planar", "cycles"),
 )
 
 
@@ -67,6 +70,8 @@ def run(
     noise = channel_noise(aligned, excitation, machine)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate(excitation, settings, noise)
+    digs = digging(excitation, machine)  # what pushes back is no mass
+    gated = without_digging(gated, excitation, digs, machine)
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
@@ -91,6 +96,14 @@ def run(
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane = planar(excitation, gated, opinion, settings, noise)
 
+    on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
+    answer = {
+        "loads": loads(weighing, excitation, machine, opinion),
+        "manoeuvres": manoeuvre_frame(weighing, excitation),
+    }
+    seen = {"aligned": aligned, "excitation": excitation, "digging": digs, **answer}
+    hauled = cycles(weighing, seen, machine, opinion)
+
     return Run(
         frames={
             **named_by_topic(raw),
@@ -98,11 +111,13 @@ def run(
             "excitation": excitation,
             "noise": noise,
             "gate": gated,
+            "digging": digs,
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
             "segments": table,
             "planar": plane,
-            "loads": loads(weighing, excitation, machine, opinion),
-            "manoeuvres": manoeuvre_frame(weighing, excitation),
+            **answer,
+            "cycles": hauled,
+            "shift": shift(hauled, excitation, aligned),
             "nuisances": nuisances(weighing),
             "budget": budget_frame(weighing, machine),
             "masses": totals,

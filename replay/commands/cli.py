@@ -25,6 +25,7 @@ from replay.commands import (
     init,
     plot,
     reproduce,
+    review,
     run,
     show,
     simulate,
@@ -43,7 +44,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     *(demo, info, init, run, show, plot, view, compare, sweep),
-    *(calibrate, verify, reproduce, excite, simulate),
+    *(review, calibrate, verify, reproduce, excite, simulate),
 )
 for _command in _COMMANDS:
     app.command(name=_command.__name__.rpartition(".")[2])(_command.command)

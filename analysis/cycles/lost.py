@@ -1,0 +1,80 @@
+"""What a shift lost where nothing was recorded, in cycles and kg, with its uncertainty."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+Ints = NDArray[np.int64]
+
+_NS: Final = 1e9
+#: Shorter holes lose no cycle.
+_HOLE_S: Final = 1.0
+
+
+class LostCycles(NamedTuple):
+    """Cycles that the recording cannot show.
+
+    Attributes:
+        cycles: expected number.
+        u: its standard uncertainty.
+        payload_kg: what they would have carried.
+        payload_u_kg: likewise.
+    """
+
+    cycles: float
+    u: float
+    payload_kg: float
+    payload_u_kg: float
+
+
+def holes(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, int]]:
+    """Stretches of a second or more in which a channel is missing, in ns, between its samples.
+
+    Args:
+        excitation: its times.
+        aligned: `gap`, row by row.
+    """
+    t_ns = excitation["t_ns"].to_numpy()
+    here = t_ns[~aligned["gap"].to_numpy()]
+    if here.size < 2:
+        return []
+    wide = np.flatnonzero(np.diff(here) > _HOLE_S * _NS)
+    return [(int(here[k]), int(here[k + 1])) for k in wide]
+
+
+def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
+    """Price what the holes hide: a cycle is lost when all of its loaded stretch lies in one.
+
+    With a period P between dumps and a loaded stretch D of it, a hole G hides (G − D)/P cycles; the
+    number of whole periods in a stretch of chance place deviates by √(f(1−f)), f being the fraction
+    over whole ones, and periods differ.
+
+    Args:
+        cycles: the frame.
+        gaps: `holes`.
+    """
+    dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / _NS
+    known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
+    if dumps.size < 3 or not known.size:
+        return LostCycles(0.0, 0.0, 0.0, 0.0)
+    periods = np.diff(dumps)
+    # idling is no period
+    periods = periods[periods < 2.5 * np.median(periods)]
+    period, spread = float(np.mean(periods)), float(np.std(periods))
+    loaded = cycles.select(pl.col("load_s") + pl.col("haul_s")).to_series().drop_nulls()
+    stretch = float(loaded.median()) if loaded.len() else period / 2.0  # pyright: ignore[reportArgumentType]
+    expected = variance = 0.0
+    for start, end in gaps:
+        hidden = max((end - start) / _NS - stretch, 0.0) / period
+        part = hidden % 1.0
+        expected += hidden
+        variance += part * (1.0 - part) + hidden * (spread / period) ** 2
+    mean_kg, std_kg = float(np.mean(known)), float(np.std(known))
+    return LostCycles(
+        expected,
+        float(np.sqrt(variance)),
+        expected * mean_kg,
+        float(np.sqrt(variance * mean_kg**2 + expected * std_kg**2)),
+    )

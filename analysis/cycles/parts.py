@@ -1,0 +1,141 @@
+"""Parts of cycles in time: what was dug, hauled and dumped when."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.cycles.passes import Passes
+from analysis.schema import values
+
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+_NS: Final = 1e9
+#: Starts that dig with nothing else between are one filling of the bucket, if no further apart.
+_ONE_FILLING_S: Final = 60.0
+#: A boom that moves by so much while the machine stands tells when it dumps.
+_BOOM_MOVES_RAD: Final = 0.15
+
+
+@dataclass
+class CycleParts:
+    """One cycle as it is seen; times in ns since the first aligned sample, None where not seen.
+
+    Attributes:
+        dig_ns: first and last sample of its digging.
+        loaded: number of its loaded pass.
+        haul_ns: first and last sample that moves with the load.
+        dump_ns: when the machine stands to dump, and when it moves again.
+        before: number of the empty pass before its load.
+        after: of the one after it.
+    """
+
+    dig_ns: tuple[int, int] | None = None
+    loaded: int | None = None
+    haul_ns: tuple[int, int] | None = None
+    dump_ns: tuple[int, int] | None = None
+    before: int | None = None
+    after: int | None = None
+
+
+def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
+    """Go through passes and starts that dig in time, and say which cycle each is of.
+
+    A load that is hauled is a cycle; so is digging of which no start tells a mass.
+    """
+    events = [
+        *((int(t), 1, n) for n, t in enumerate(found.start_ns)),
+        *((int(t), 0, n) for n, t in enumerate(digs["start_t_ns"])),
+    ]
+    ends = digs["end_t_ns"].to_list()
+    cycles: list[CycleParts] = []
+    now: CycleParts | None = None
+    empty: int | None = None
+    for start_ns, is_pass, number in sorted(events):
+        if not is_pass:
+            span = (start_ns, ends[number])
+            # digging once more, before the next pass
+            again = (
+                now is not None
+                and now.loaded is None
+                and now.dig_ns is not None
+                and start_ns - now.dig_ns[1] < _ONE_FILLING_S * _NS
+            )
+            inside = (
+                now is not None
+                and now.loaded is not None
+                and start_ns < int(found.end_ns[now.loaded])
+            )
+            if again and now is not None and now.dig_ns is not None:
+                now.dig_ns = (now.dig_ns[0], span[1])
+            elif not inside:
+                now = CycleParts(dig_ns=span, before=empty)
+                cycles.append(now)
+        elif found.loaded[number]:
+            if now is None or now.loaded is not None:
+                now = CycleParts(before=empty)
+                cycles.append(now)
+            now.loaded = number
+            now.haul_ns = (start_ns, int(found.end_ns[number]))
+        else:
+            if now is not None:
+                now.after = number
+            now, empty = None, number
+    return _with_neighbours(cycles, found)
+
+
+def _with_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts]:
+    """The nearest empty passes, where the cycle itself has none."""
+    empties = np.flatnonzero(~found.loaded)
+    for cycle in cycles:
+        if cycle.loaded is None:
+            continue
+        place = int(np.searchsorted(empties, cycle.loaded))
+        cycle.before = int(empties[place - 1]) if place > 0 else None
+        cycle.after = int(empties[place]) if place < empties.size else None
+    return cycles
+
+
+def dump_times(
+    cycles: list[CycleParts], found: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
+) -> None:
+    """Find when each load is dumped: the stand after it in which the boom moves most.
+
+    Without a boom the longest stand. Nothing where the next pass is not empty.
+
+    Args:
+        cycles: get their `dump_ns`.
+        found: the passes.
+        aligned: `boom_rad`, where there is one.
+        excitation: the phases.
+    """
+    t_ns = excitation["t_ns"].to_numpy()
+    stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
+    boom = values(aligned, "boom_rad")
+    for cycle in cycles:
+        if cycle.loaded is None or cycle.after != cycle.loaded + 1:
+            continue
+        first, last = np.searchsorted(
+            t_ns, [found.end_ns[cycle.loaded], found.start_ns[cycle.after]]
+        )
+        span = _stand(stands[first : last + 1], boom[first : last + 1], t_ns[first : last + 1])
+        cycle.dump_ns = span or (int(t_ns[first]), int(t_ns[last]))
+
+
+def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, int] | None:
+    edges = np.diff(np.concatenate([[0], stands.astype(np.int8), [0]]))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    if not begins.size:
+        return None
+    moves = np.array([_range(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
+    length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
+    best = int(np.argmax(moves if moves.max() > _BOOM_MOVES_RAD else length))
+    return int(t_ns[begins[best]]), int(t_ns[ends[best]])
+
+
+def _range(x: NDArray[np.float64]) -> float:
+    known = x[np.isfinite(x)]
+    return float(np.ptp(known)) if known.size else 0.0

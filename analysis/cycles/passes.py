@@ -1,0 +1,146 @@
+"""Which load states are empty and which are loaded, and what each pass between two changes weighs.
+
+A pass is a stretch of manoeuvres that are all loaded or all empty; states that differ by less than
+loaded and empty do (spillage, a state split in two) are one pass.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: Loaded and empty are told apart when their means lie so many deviations of a state apart.
+_APART: Final = 4.0
+#: A spread of fewer is that of the whole class.
+_FEWEST: Final = 4
+#: Standard deviation over the median absolute deviation of a normal distribution.
+_MAD: Final = 1.4826
+_ROUNDS: Final = 20
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Passes in time.
+
+    Attributes:
+        of: (manoeuvres,) the pass of each.
+        share: (manoeuvres,) the weight of each in its pass' mass; those of a pass add up to 1.
+        loaded: (passes,).
+        mass_kg: (passes,).
+        u_kg: (passes,) what is random of it: manoeuvres' own noise and their scatter.
+        start_ns: (passes,) first fitted sample.
+        end_ns: (passes,) last fitted sample.
+    """
+
+    of: Ints
+    share: Floats
+    loaded: Bools
+    mass_kg: Floats
+    u_kg: Floats
+    start_ns: Ints
+    end_ns: Ints
+
+
+def passes(loads: pl.DataFrame, manoeuvres: pl.DataFrame, digs: pl.DataFrame) -> Passes | None:
+    """Join manoeuvres to passes; None where loaded and empty cannot be told apart.
+
+    Args:
+        loads: for the scatter.
+        manoeuvres: states and masses.
+        digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
+    """
+    if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
+        return None
+    level = manoeuvres["mass_kg"].to_numpy()
+    std = manoeuvres["mass_std_kg"].to_numpy()
+    state = manoeuvres["load_id"].to_numpy()
+    begin, end = (manoeuvres[name].to_numpy() for name in ("start_t_ns", "end_t_ns"))
+    scatter_kg = float(loads["scatter_kg"].fill_null(0.0).max() or 0.0)  # pyright: ignore[reportArgumentType]
+    weight = 1.0 / (std**2 + scatter_kg**2)
+    total = np.bincount(state, weight)
+    mass_kg = np.bincount(state, weight * level) / total
+    loaded = _loaded(mass_kg, 1.0 / np.sqrt(total), _labels(mass_kg, state, begin, end, digs))
+    if loaded is None:
+        return None
+    of_state = loaded[state]
+    of = np.cumsum(np.append(0, np.diff(of_state) != 0)).astype(np.int64)
+    total = np.bincount(of, weight)
+    first = np.flatnonzero(np.append(True, np.diff(of) > 0))
+    last = np.append(first[1:] - 1, of.size - 1)
+    return Passes(
+        of,
+        weight / total[of],
+        of_state[first],
+        np.bincount(of, weight * level) / total,
+        1.0 / np.sqrt(total),
+        begin[first],
+        end[last],
+    )
+
+
+def _labels(mass_kg: Floats, state: Ints, begin: Ints, end: Ints, digs: pl.DataFrame) -> Ints:
+    """(states,) 0 where a start that digs follows, 1 where one came before, -1 else."""
+    label = np.full(mass_kg.size, -1)
+    for start, stop in digs.select("start_t_ns", "end_t_ns").iter_rows():
+        before = int(np.searchsorted(end, start, "right")) - 1
+        after = int(np.searchsorted(begin, stop, "left"))
+        if before < 0 or after >= state.size:
+            continue
+        empty, full = state[before], state[after]
+        if mass_kg[full] > mass_kg[empty]:
+            label[empty], label[full] = 0, 1
+    return label
+
+
+def _loaded(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
+    """(states,) whether each is loaded: the side of a border between the two classes."""
+    if mass_kg.size < 2:
+        return None
+    light, heavy = mass_kg[label == 0], mass_kg[label == 1]
+    if not light.size or not heavy.size:
+        border = _otsu(mass_kg)
+        light, heavy = mass_kg[mass_kg <= border], mass_kg[mass_kg > border]
+    least_kg = float(np.median(u_kg))
+    chosen = None
+    for _ in range(_ROUNDS):
+        border = _border(light, heavy, least_kg)
+        now = mass_kg > border
+        if now.all() or not now.any():
+            return None
+        if chosen is not None and (now == chosen).all():
+            break
+        chosen = now
+        light, heavy = mass_kg[~now], mass_kg[now]
+    apart_kg = float(np.median(heavy) - np.median(light))
+    return chosen if apart_kg > _APART * max(least_kg, _spread(light, 0.0)) else None
+
+
+def _border(light: Floats, heavy: Floats, least_kg: float) -> float:
+    """Where a mass is as many deviations from the one class as from the other."""
+    a, b = float(np.median(light)), float(np.median(heavy))
+    spread = _spread(np.concatenate([light - a, heavy - b]), least_kg)
+    low = _spread(light, least_kg) if light.size >= _FEWEST else spread
+    high = _spread(heavy, least_kg) if heavy.size >= _FEWEST else spread
+    return (a * high + b * low) / (low + high)
+
+
+def _spread(values: Floats, least: float) -> float:
+    """Standard deviation by the median absolute deviation."""
+    return max(_MAD * float(np.median(np.abs(values - np.median(values)))), least)
+
+
+def _otsu(values: Floats) -> float:
+    """The border that leaves the smallest sum of squares on both sides (Otsu 1979)."""
+    order = np.sort(values)
+    middles = (order[1:] + order[:-1]) / 2.0
+    sums = [
+        float(sum(np.var(part) * part.size for part in (order[:k], order[k:])))
+        for k in range(1, order.size)
+    ]
+    return float(middles[int(np.argmin(sums))])

@@ -1,0 +1,128 @@
+"""Frame `shift`: what the cycles add up to, with what repeats and what is common kept apart."""
+
+from collections.abc import Collection
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.lost import holes, lost_cycles
+from analysis.schema import FRAMES, build
+
+_NS: Final = 1e9
+#: A stand of so long is no part of the work.
+_IDLE_S: Final = 30.0
+
+
+def shift(cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame) -> pl.DataFrame:
+    """Make `shift`, one row.
+
+    Args:
+        cycles: the frame.
+        excitation: phases.
+        aligned: where nothing was recorded.
+    """
+    gaps = holes(excitation, aligned)
+    lost = lost_cycles(cycles, gaps)
+    t_ns = excitation["t_ns"].to_numpy()
+    duration_s = float(t_ns[-1] - t_ns[0]) / _NS if t_ns.size else 0.0
+    gap_s = sum(end - start for start, end in gaps) / _NS
+    idle_s = _idle_s(excitation)
+    row = {
+        "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
+        "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
+        **_sums(cycles, ()),
+        "lost_cycles": lost.cycles,
+        "lost_cycles_u": lost.u,
+        "lost_kg": lost.payload_kg,
+        "lost_u_kg": lost.payload_u_kg,
+        "duration_s": duration_s,
+        "gap_s": gap_s,
+        "idle_s": idle_s,
+        "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
+    }
+    declared = FRAMES["shift"].columns
+    return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
+
+
+def recounted(
+    summary: pl.DataFrame, cycles: pl.DataFrame, rejected: Collection[int] = ()
+) -> pl.DataFrame:
+    """The same with other cycles: calibrated ones, or without some that a reviewer rejects.
+
+    Args:
+        summary: frame `shift`.
+        cycles: frame `cycles`.
+        rejected: numbers of cycles that are not counted.
+    """
+    sums = _sums(cycles, rejected)
+    mean_kg = summary["payload_mean_kg"][0]
+    scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
+    values = [pl.lit(sums[name]).cast(summary.schema[name]).alias(name) for name in sums]
+    return summary.with_columns(*values, pl.col("lost_kg", "lost_u_kg") * scale)
+
+
+def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, float | int | None]:
+    """What cycles add up to.
+
+    Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
+    pass is in the payload before it and in the one after. Common parts add up as they are.
+    """
+    out = pl.col("cycle").is_in(list(rejected))
+    counted = cycles.filter(pl.col("counted") & ~out)
+    payload, back = counted["payload_kg"], counted["carry_back_kg"]
+    random_kg = _random_kg(counted)
+    common_kg = float(counted["payload_u_common_kg"].sum())
+    return {
+        "cycles": cycles.height,
+        "cycles_counted": counted.height,
+        "cycles_rejected": cycles.filter(out).height,
+        "cycles_without_mass": cycles.filter(pl.col("payload_kg").is_null()).height,
+        "payload_kg": float(payload.sum()),
+        "payload_u_random_kg": random_kg,
+        "payload_u_common_kg": common_kg,
+        "payload_u_kg": float(np.hypot(random_kg, common_kg)),
+        "payload_mean_kg": _number(payload.mean()),
+        "payload_std_kg": _number(payload.std()),
+        "carry_back_mean_kg": _number(back.mean()),
+    }
+
+
+def _number(value: object) -> float | None:
+    return value if isinstance(value, float) else None
+
+
+def _random_kg(counted: pl.DataFrame) -> float:
+    """The random part of the sum of payloads."""
+    weight: dict[int, float] = {}
+    u_kg: dict[int, float] = {}
+    carried = 0.0
+    for row in counted.iter_rows(named=True):
+        before_1 = row["tare_before_1"]
+        shares = (
+            ("loaded", 1.0),
+            ("empty_before", -before_1),
+            ("empty_after", before_1 - 1.0),
+        )
+        own = 0.0
+        for name, share in shares:
+            number = row[f"{name}_id"]
+            if number is not None:
+                weight[number] = weight.get(number, 0.0) + share
+                u_kg[number] = row[f"{name}_u_kg"]
+                own += (share * row[f"{name}_u_kg"]) ** 2
+        # of what is carried back only the ends are left in the sum
+        carried = max(carried, row["payload_u_random_kg"] ** 2 - own)
+    return float(np.sqrt(sum((weight[n] * u_kg[n]) ** 2 for n in weight) + carried))
+
+
+def _idle_s(excitation: pl.DataFrame) -> float:
+    """Time in stands that are long."""
+    if excitation.is_empty():
+        return 0.0
+    stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
+    t_ns = excitation["t_ns"].to_numpy()
+    edges = np.diff(np.concatenate([[0], stands.astype(np.int8), [0]]))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    lengths = (t_ns[ends] - t_ns[begins]) / _NS
+    return float(lengths[lengths > _IDLE_S].sum())

@@ -1,0 +1,157 @@
+"""Starts against something that pushes back: a bucket driven into a pile.
+
+Their force does not only accelerate what is weighed, and the bucket fills while they last, so they
+tell no mass; together they would bend what all starts share. A resistance that is there from the
+beginning (soft ground, a slope without a pitch) is not meant: only one that grows.
+"""
+
+from typing import Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from analysis.machine import Machine
+from analysis.phases import span_rows
+from analysis.regressor import X, regressor
+from analysis.schema import REASON, build
+from analysis.settings import Settings
+from analysis.windows import windows_with
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+#: A resistance that grows by this share of the force that the log drives with, over one start,
+_GROWS: Final = 0.2
+#: and by so many of its deviations, is no ground.
+_SURELY: Final = 6.0
+#: What a signal reaches: this quantile of it.
+_REACHES: Final = 0.95
+#: Driving that pauses for less is one start.
+_MOMENT_S: Final = 0.25
+#: A start of fewer samples tells nothing.
+_FEWEST: Final = 60
+#: The mass of machine and load is this times the empty machine's, within this share of it,
+_HEAVIER: Final = 1.1
+_MASS_WIDTH: Final = 0.15
+#: friction at full speed and a constant force within these shares of the driving force: friction
+#: may take nearly all of it.
+_FRICTION_WIDTH: Final = 1.0
+_CONSTANT_WIDTH: Final = 0.3
+#: Noise and what the model misses, as a share of that force, and the samples that it lasts.
+_MISFIT: Final = 0.015
+_LASTS: Final = 10.0
+
+
+def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
+    """Find the starts whose resistance grows: F = m·a + b·v + c + d·t, with d far above none.
+
+    Mass, friction and constant have wide priors about what the machine can be, so that a short
+    start with an even acceleration, which could be a heavy machine as well, is not taken for one.
+
+    Args:
+        excitation: force, regressor, speed, phases.
+        machine: empty mass, where it is known; settings.
+
+    Returns:
+        `digging`, a row a start that digs.
+    """
+    A, force = regressor(X, excitation, machine.settings)
+    acceleration, speed = A[:, 0], A[:, 1]
+    driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
+    driving &= np.isfinite(A).all(axis=1) & np.isfinite(force)
+    t_ns = excitation["t_ns"].to_numpy()
+    found: list[tuple[int, int, float, float]] = []
+    if np.count_nonzero(driving) >= _FEWEST:
+        largest_N, fastest = _largest(force[driving]), _largest(speed[driving])
+        mass_kg = machine.machine.empty_mass_kg or largest_N / max(
+            _largest(acceleration[driving]), 1e-3
+        )
+        widths = np.array(
+            [
+                _MASS_WIDTH * mass_kg,
+                _FRICTION_WIDTH * largest_N / max(fastest, 1e-3),
+                _CONSTANT_WIDTH * largest_N,
+            ]
+        )
+        for rows in _starts(driving, machine.settings):
+            way = np.sign(np.mean(speed[rows]))
+            grown_N, std_N = _growth(
+                np.column_stack([way * acceleration[rows], way * speed[rows]]),
+                way * force[rows],
+                (t_ns[rows] - t_ns[rows[0]]) / max(t_ns[rows[-1]] - t_ns[rows[0]], 1),
+                _HEAVIER * mass_kg,
+                widths,
+                _MISFIT * largest_N,
+            )
+            if grown_N > max(_GROWS * largest_N, _SURELY * std_N):
+                found.append((int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N))
+    names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
+    columns = zip(*found, strict=True) if found else ([],) * len(names)
+    return build("digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)})
+
+
+def without_digging(
+    gated: pl.DataFrame, excitation: pl.DataFrame, digs: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """The gate with the windows refused that hold a sample of a start that digs.
+
+    Args:
+        gated: which windows are accepted.
+        excitation: the phases.
+        digs: `digging`.
+        machine: its settings.
+    """
+    if digs.is_empty():
+        return gated
+    t_ns = excitation["t_ns"].to_numpy()
+    dug = np.zeros(t_ns.size, np.bool_)
+    # the phase sees a start late, and its end
+    margin = span_rows(machine.settings)
+    for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():
+        first, last = np.searchsorted(t_ns, [start, end])
+        dug[max(first - margin, 0) : last + margin + 1] = True
+    refused = pl.Series(windows_with(dug, machine.settings.gate.window_samples))
+    accepted = pl.col("accepted_x")
+    reason = (
+        pl.when(refused & accepted)
+        .then(pl.lit("digging"))
+        .otherwise(pl.col("reason_x").cast(pl.String))
+    )
+    return gated.with_columns(accepted_x=accepted & ~refused, reason_x=reason.cast(REASON))
+
+
+def _largest(values: Floats) -> float:
+    """What the values reach without their outliers."""
+    return float(np.quantile(np.abs(values), _REACHES))
+
+
+def _starts(driving: Bools, settings: Settings) -> list[Ints]:
+    """The rows of each stretch of driving, over holes of a moment."""
+    rows = np.flatnonzero(driving)
+    hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
+    parts = np.split(rows, np.flatnonzero(np.diff(rows) > hole) + 1)
+    return [part for part in parts if part.size >= _FEWEST]
+
+
+def _growth(
+    motion: Floats, force: Floats, progress: Floats, mean_kg: float, widths: Floats, noise_N: float
+) -> tuple[float, float]:
+    """The growth of the resistance over a start, and its deviation, in N.
+
+    Args:
+        motion: (samples, 2) acceleration and speed.
+        force: (samples,).
+        progress: (samples,) 0 where the start begins, 1 where it ends.
+        mean_kg: of the prior of the mass.
+        widths: (3,) of the priors of mass, viscous friction and constant.
+        noise_N: standard deviation of the force about the model.
+    """
+    design = np.column_stack([motion, np.ones(force.size), progress])
+    weight = 1.0 / (noise_N**2 * _LASTS)
+    known = np.append(widths**-2.0, 0.0)
+    information = weight * design.T @ design + np.diag(known)
+    right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
+    covariance = np.linalg.inv(information)
+    return float(covariance[3] @ right), float(np.sqrt(covariance[3, 3]))

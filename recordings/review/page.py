@@ -1,0 +1,209 @@
+"""The page of a review: one file that a person reads on a phone, at a desk or on paper."""
+
+import base64
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.resources import files
+from typing import Any, Final
+
+import polars as pl
+
+from analysis.cycles.target import TargetCheck
+from estimators.errors import counted
+from recordings.evidence.figures import WIDTH
+from recordings.review.plots import pictures
+from recordings.review.state import RECORDING, ReviewState
+from recordings.wording import number
+
+PAGE: Final = "review.html"
+_TEMPLATE: Final = "review.html.j2"
+_SCRIPT: Final = "review.js"
+_HERE: Final = "/* review.js */"
+#: Of an interval with a confidence of 95 %.
+K: Final = 2.0
+_NUMERIC: Final = (
+    *("cycle", "from s", "payload kg", "± kg", "carried back kg", "return s", "load s"),
+    *("haul s", "dump s"),
+)
+_HEADS: Final = (*_NUMERIC, "quality", "said", "command")
+
+
+@dataclass(frozen=True)
+class ReviewPage:
+    """What a page shows.
+
+    Attributes:
+        state: of the review.
+        ledger: its rows.
+        shift: frame `shift`, with what a reviewer says.
+        target: 10/10/20, where a target was given.
+        changes: since the last review; None where this is the first.
+        calibration: what it is, in words.
+        track: positions, where there are.
+    """
+
+    state: ReviewState
+    ledger: pl.DataFrame
+    shift: Mapping[str, Any]
+    target: TargetCheck | None
+    changes: list[tuple[str, str, str]] | None
+    calibration: str
+    track: pl.DataFrame | None = None
+
+
+def review_html(page: ReviewPage) -> str:
+    """Write the page; every text in it is escaped, and it asks nothing of anybody."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number"] = number
+    environment.filters["percent"] = lambda share: "–" if share is None else f"{share:.2%}"
+    here = files("recordings.review")
+    script = here.joinpath(_SCRIPT).read_text(encoding="utf-8")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    state, shift = page.state, page.shift
+    said = page.ledger.filter(pl.col("author") != "").height
+    # our own file, so part of the template: no text of a log is in it
+    source = here.joinpath(_TEMPLATE).read_text(encoding="utf-8").replace(_HERE, script)
+    return environment.from_string(source).render(
+        title=f"Shift of {state.machine or 'a machine without a name'}",
+        state=state,
+        duration=f"{shift['duration_s'] / 3600.0:.2f} h",
+        banner=_banner(page),
+        headline=headline(shift),
+        facts=facts(shift, page.target),
+        warnings=_warnings(page),
+        heads=_HEADS,
+        numeric=_NUMERIC,
+        cycles=[_row(row) for row in page.ledger.iter_rows(named=True)],
+        pictures=pictures(page.ledger, state, page.target, page.track),
+        width=WIDTH,
+        changes=page.changes,
+        verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
+        calibration=page.calibration,
+        version=version("payscope"),
+        script_hash=f"sha256-{digest}",
+    )
+
+
+def headline(shift: Mapping[str, Any]) -> str:
+    """The answer in a line."""
+    if not shift["cycles_counted"]:
+        return "No tonnes: no cycle has a mass"
+    loads = counted(shift["cycles_counted"], "load")
+    return f"{_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
+
+
+def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[str, str]]:
+    """What a reader looks for first, name and value."""
+    found = [
+        ("interval", "95 % (k = 2)"),
+        ("of that, repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
+        (
+            "of that, common to all loads",
+            f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t: more loads do not shrink it",
+        ),
+        (
+            "not counted",
+            f"{shift['lost_cycles']:.1f} ± {K * shift['lost_cycles_u']:.1f} cycles, "
+            f"{_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])} in gaps and torn files",
+        ),
+        (
+            "cycles",
+            f"{shift['cycles']} seen, {shift['cycles_counted']} counted, "
+            f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
+        ),
+    ]
+    if shift["cycles_counted"]:
+        mean, std = shift["payload_mean_kg"], shift["payload_std_kg"] or 0.0
+        found += [("a load", f"{mean:,.0f} kg on average, standard deviation {std:,.0f} kg")]
+    if shift["carry_back_mean_kg"] is not None:
+        found += [("carried back", f"{shift['carry_back_mean_kg']:,.0f} kg on average")]
+    found += [
+        (
+            "utilisation",
+            f"{shift['utilisation_1']:.0%}: {shift['idle_s'] / 60.0:.0f} min in stands of more "
+            f"than half a minute, {shift['gap_s'] / 60.0:.1f} min without a recording",
+        )
+    ]
+    if target is not None:
+        found.append(("10/10/20", target_sentence(target)))
+    return found
+
+
+def target_sentence(target: TargetCheck) -> str:
+    """The verdict on the target in words."""
+    near = (
+        f"; {counted(target.near, 'load')} so near to a border that the uncertainty reaches over it"
+        if target.near
+        else ""
+    )
+    return (
+        f"{'kept' if target.keeps else 'not kept'}: mean {target.mean_kg:,.0f} kg of "
+        f"{target.target_kg:,.0f} kg, {target.above} of {target.loads} above 110 % (at most a "
+        f"tenth), {target.never} above 120 % (none){near}"
+    )
+
+
+def _tonnes(kg: float, u_kg: float) -> str:
+    digits = 1 if u_kg >= 3000.0 else 2 if u_kg >= 300.0 else 3
+    return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
+
+
+def _banner(page: ReviewPage) -> list[str]:
+    state = page.state
+    if state.can_weigh:
+        return []
+    names = ", ".join(check.check for check in state.failed if check.consequence == "withhold")
+    return [f"These logs cannot weigh, so there are no masses. Failed: {names or 'see below'}."]
+
+
+def _warnings(page: ReviewPage) -> list[str]:
+    state, shift = page.state, page.shift
+    found: list[str] = []
+    if state.losses:
+        found.append(f"Damaged or incomplete: {counted(len(state.losses), 'loss')}, listed below.")
+    widened = [c.check for c in state.failed if c.consequence == "widen"]
+    if widened:
+        found.append(f"Checks that failed and widen the ±: {', '.join(widened)}.")
+    if not shift["cycles"] and state.can_weigh:
+        found.append(
+            "Loaded and empty cannot be told apart: one load throughout, or too few starts that "
+            "tell a mass."
+        )
+    return found
+
+
+def _row(row: Mapping[str, Any]) -> Mapping[str, Any]:
+    names = (
+        "payload_kg",
+        "payload_u_kg",
+        "carry_back_kg",
+        "return_s",
+        "load_s",
+        "haul_s",
+        "dump_s",
+    )
+    cells = [(f"{row['at_s']:,.0f}", f"{row['at_s']:.3f}")]
+    for name in names:
+        value = row[name]
+        value = K * value if name == "payload_u_kg" and value is not None else value
+        cells.append(("–", "") if value is None else (f"{value:,.0f}", f"{value:.3f}"))
+    remark = [row["reason"]]
+    if row["author"]:
+        remark.append(
+            f"{'rejected, ' if row['rejected'] else ''}{row['author']}, {row['said']}"
+            + "".join(f": {text}" for text in (row["product"], row["note"]) if text)
+        )
+    return {
+        "number": row["cycle"],
+        "cells": cells,
+        "quality": row["quality"],
+        "said": "; ".join(filter(None, remark)),
+        "out": not row["counted"],
+        "command": f"payscope view {RECORDING} --at {max(row['at_s'], 0.0):.1f}",
+    }

@@ -1,0 +1,56 @@
+"use strict";
+const said = document.getElementById("said");
+const table = document.getElementById("cycles");
+const key = (row, at) => {
+  const cell = row.cells[at];
+  const text = cell.dataset.v === undefined ? cell.textContent : cell.dataset.v;
+  return text === "" ? NaN : isNaN(text) ? text : Number(text);
+};
+const order = (a, b) => {
+  if (Number.isNaN(a) || Number.isNaN(b)) return Number.isNaN(a) - Number.isNaN(b);
+  return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b));
+};
+const sort = (head) => {
+  const up = head.getAttribute("aria-sort") !== "ascending";
+  for (const other of head.parentNode.cells) other.removeAttribute("aria-sort");
+  head.setAttribute("aria-sort", up ? "ascending" : "descending");
+  const rows = [...table.tBodies[0].rows];
+  const at = head.cellIndex;
+  rows.sort((a, b) => {
+    const x = key(a, at), y = key(b, at);
+    // rows without a number stay below
+    const way = Number.isNaN(x) || Number.isNaN(y) || up ? 1 : -1;
+    return way * order(x, y);
+  });
+  table.tBodies[0].append(...rows);
+  said.textContent = "sorted by " + head.textContent + (up ? ", least first" : ", most first");
+};
+const copied = (text) => {
+  const field = document.createElement("textarea");
+  field.value = text;
+  document.body.append(field);
+  field.select();
+  const done = document.execCommand("copy");
+  field.remove();
+  return done;
+};
+const copy = async (button) => {
+  const text = button.textContent;
+  let done = false;
+  try {
+    await navigator.clipboard.writeText(text);
+    done = true;
+  } catch {
+    done = copied(text);
+    button.focus();
+  }
+  said.textContent = done ? "copied: " + text : "cannot copy here: select the text";
+};
+if (table) {
+  table.addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (!button) return;
+    if (button.classList.contains("copy")) copy(button);
+    else sort(button.parentNode);
+  });
+}

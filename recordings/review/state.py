@@ -1,0 +1,177 @@
+"""What a review keeps beside the ledger: what it was made of, and what the page says besides."""
+
+from pathlib import Path
+from typing import Any, Final
+
+import polars as pl
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from analysis.check import Verdict
+from analysis.cycles.lost import holes
+from analysis.run import InputFile, Run
+from recordings.texts import local_time, machine_name
+
+STATE: Final = "review.json"
+RECORDING: Final = "shift.rrd"
+#: Raised whenever a review that is there has to be made anew.
+FORMAT: Final = 1
+_NS: Final = 10**9
+
+
+class TopicSampling(BaseModel):
+    """How regularly a topic was recorded."""
+
+    model_config = ConfigDict(frozen=True)
+
+    topic: str
+    messages: int
+    rate_hz: float | None
+    longest_s: float | None
+    late_1: float | None
+
+
+class FailedCheck(BaseModel):
+    """A check that failed, and what it led to."""
+
+    model_config = ConfigDict(frozen=True)
+
+    check: str
+    value: float | None
+    limit: str
+    consequence: str
+    meaning: str
+    remedy: str
+
+
+class ReviewState(BaseModel):
+    """Everything of a review that its recording and ledger do not hold.
+
+    Attributes:
+        key: of all that the replay depends on.
+        recording_sha256: of `shift.rrd`, which this belongs to.
+        resolved: machine, settings and options by name, as plain values.
+        gate_shares: share of the recorded time by the gate's reason.
+        gaps_s: stretches without a recording, from the first sample.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    format: int = FORMAT
+    key: str
+    recording_sha256: str
+    inputs: tuple[InputFile, ...]
+    resolved: dict[str, Any]
+    t0_unix_ns: int
+    machine: str
+    begins: str
+    can_weigh: bool
+    failed: tuple[FailedCheck, ...]
+    losses: tuple[str, ...]
+    notes: tuple[str, ...]
+    gate_shares: dict[str, float]
+    gaps_s: tuple[tuple[float, float], ...]
+    sampling: tuple[TopicSampling, ...]
+    friction: tuple[float | None, float | None]
+    digs: int
+
+
+def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]) -> ReviewState:
+    """Take from a replay what the page needs.
+
+    Args:
+        run: of all logs of the shift.
+        key: of what it depends on.
+        recording_sha256: of the recording.
+        resolved: see `ReviewState`.
+    """
+    about, frames = run.provenance, run.frames
+    verdict = Verdict.of(frames["verdict"])
+    gate = frames["gate"]
+    shares = gate["reason_x"].cast(pl.String).value_counts(sort=True, normalize=True)
+    gaps = holes(frames["excitation"], frames["aligned"])
+    load = frames["loads"].row(0, named=True)
+    return ReviewState(
+        key=key,
+        recording_sha256=recording_sha256,
+        inputs=about.inputs,
+        resolved=resolved,
+        t0_unix_ns=about.t0_unix_ns,
+        machine=machine_name(about),
+        begins=local_time(about),
+        can_weigh=verdict.can_weigh,
+        failed=tuple(
+            FailedCheck(
+                check=check.check,
+                value=check.value,
+                limit=check.limit,
+                consequence=check.consequence,
+                meaning=check.meaning,
+                remedy=check.remedy,
+            )
+            for check in verdict.checks
+            if check.passed is False and check.about == "mass"
+        ),
+        losses=tuple(map(str, about.losses)),
+        notes=about.notes,
+        gate_shares={name: share for name, share in shares.iter_rows() if name is not None},
+        gaps_s=tuple((start / _NS, end / _NS) for start, end in gaps),
+        sampling=tuple(
+            _sampling(name.removeprefix("raw/"), frame)
+            for name, frame in frames.items()
+            if name.startswith("raw/")
+        ),
+        friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
+        digs=frames["digging"].height,
+    )
+
+
+def read_state(folder: Path) -> ReviewState | None:
+    """The state of an earlier review, None where there is none that this payscope understands."""
+    try:
+        state = ReviewState.model_validate_json((folder / STATE).read_bytes())
+    except (OSError, ValidationError):
+        return None
+    return state if state.format == FORMAT else None
+
+
+def changed(before: ReviewState | None, resolved: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """What differs from the review before: name, was, is.
+
+    Args:
+        before: the review before.
+        resolved: of this one.
+    """
+    if before is None:
+        return []
+    old, new = flat(before.resolved), flat(resolved)
+    return [
+        (name, old.get(name, "–"), new.get(name, "–"))
+        for name in sorted(old.keys() | new.keys())
+        if old.get(name) != new.get(name)
+    ]
+
+
+def flat(values: Any, name: str = "") -> dict[str, str]:
+    """Nested values by dotted names, as texts."""
+    if isinstance(values, dict):
+        found: dict[str, str] = {}
+        for key, value in values.items():  # pyright: ignore[reportUnknownVariableType]
+            found |= flat(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
+        return found
+    return {name: str(values)}
+
+
+def _sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
+    times = frame["log_time_ns"]
+    steps = times.diff().drop_nulls() / _NS
+    middle = steps.median()
+    known = isinstance(middle, float) and middle > 0.0
+    late = float((steps > 1.5 * middle).mean() or 0.0) if known else None  # pyright: ignore
+    longest = steps.max()
+    return TopicSampling(
+        topic=topic,
+        messages=frame.height,
+        rate_hz=1.0 / middle if known else None,  # pyright: ignore[reportOperatorIssue]
+        longest_s=longest if isinstance(longest, float) else None,
+        late_1=late,
+    )

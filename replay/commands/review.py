@@ -1,0 +1,69 @@
+"""`payscope review`: the logs of a shift in, its tonnes and their worth out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from replay.review import Reviewed
+
+
+def command(
+    logs: Annotated[list[Path], typer.Argument(help="Logs of one shift, in any order.")],
+    machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the review.")],
+    calibration: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Evidence of the machine's calibration.")
+    ] = None,
+    target: Annotated[
+        float | None,
+        typer.Option(metavar="KG", min=1e-3, help="Judge loads against KG by the 10/10/20 rule."),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override the machine file; repeatable."),
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Keep every sample and intermediate in shift.rrd.")
+    ] = False,
+    timing: Annotated[bool, typer.Option(help="Print the duration of each stage.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the sums as JSON.")] = False,
+) -> None:
+    """Review a shift: ledger, recording and one page with tonnes, cycles and what is wrong.
+
+    Exit status 1 if no cycle has a mass.
+    """
+    from replay.commands.printing import console, print_json
+    from replay.commands.progress import Stages
+    from replay.pipeline import STAGES
+    from replay.review import ReviewOptions, review
+
+    options = ReviewOptions(overrides or [], calibration, target, full)
+    with Stages(len(STAGES) + 2, timing=timing) as stages:
+        made = review(logs, machine, output, options, stages.begin)
+    if as_json:
+        print_json(made.to_dict())
+    else:
+        _print(console(), made)
+    if not made.shift["cycles_counted"]:
+        raise typer.Exit(1)
+
+
+def _print(screen: "Console", made: "Reviewed") -> None:
+    from recordings.review.page import PAGE, facts, headline
+    from replay.commands.printing import print_line
+
+    print_line(screen, headline(made.shift))
+    for name, value in facts(made.shift, made.target):
+        print_line(screen, f"{name}: {value}")
+    failed = [check.check for check in made.state.failed]
+    if failed:
+        print_line(screen, f"checks that failed: {', '.join(failed)}")
+    for loss in made.state.losses:
+        print_line(screen, f"lost: {loss}")
+    if not made.replayed:
+        print_line(screen, "not replayed: logs, machine and settings are those of the last review")
+    print_line(screen, f"page: {made.folder / PAGE}")
