@@ -1,11 +1,12 @@
 """How often intervals of calibrated masses hold, over campaigns at run level.
 
     python -P benchmarks/calibration.py [--campaigns 20000] [--trials 4000] [--seed 13] [--write]
+    python -P benchmarks/calibration.py --whole 24 [--seed 13] [--write]
 
 Draws what runs say instead of logs, and not as the fit assumes: repeatability differs from run to
 run, runs scatter with heavier tails than the normal, and every deviation that is stated (of a
 reading, of a reference, of a day) is wrong by 10 %. `--write` puts the tables into
-docs/calibrating.md.
+docs/calibrating.md. `--whole` simulates, replays and calibrates so many campaigns as logs instead.
 """
 
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ from analysis.calibration.variance_components import Within
 from analysis.reproduction import paper
 from analysis.reproduction.torque_chain import TorqueChain
 from benchmarks.page import markdown, put
+from benchmarks.whole_campaigns import whole as whole_campaigns
 
 CONFIDENCE: Final = 0.95
 #: Deviations are stated with so much of error,
@@ -287,8 +289,27 @@ def alphas(campaigns: int, seed: int) -> Iterator[list[str]]:
         yield [name, *percent(found[:, :2]), *over]
 
 
-def main(campaigns: int = 20_000, trials: int = 4_000, seed: int = 13, write: bool = False) -> None:
-    tables = {
+def main(
+    campaigns: int = 20_000,
+    trials: int = 4_000,
+    whole: int = 0,
+    seed: int = 13,
+    write: bool = False,
+) -> None:
+    if whole:
+        heads = ["priors", "masses", "held", "± kg", "r.m.s. error kg", "error / u", "refused"]
+        tables = {"whole logs": markdown(heads, list(whole_campaigns(whole, seed)))}
+    else:
+        tables = run_level(campaigns, trials, seed)
+    for name, table in tables.items():
+        print(table, flush=True)
+        if write:
+            put("calibrating.md", name, table)
+
+
+def run_level(campaigns: int, trials: int, seed: int) -> dict[str, str]:
+    """The tables of campaigns at run level."""
+    return {
         "calibrated masses": markdown(
             ["campaign", "references", "ours", "ours, no u(m̂)", "(19)", "u(m̂) alone", "± kg"],
             list(masses(campaigns, seed)),
@@ -297,10 +318,6 @@ def main(campaigns: int = 20_000, trials: int = 4_000, seed: int = 13, write: bo
             ["fit", "α held", "β held", "α / truth", "β / truth"], list(alphas(trials, seed))
         ),
     }
-    for name, table in tables.items():
-        print(table, flush=True)
-        if write:
-            put("calibrating.md", name, table)
 
 
 if __name__ == "__main__":

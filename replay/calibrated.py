@@ -136,6 +136,16 @@ class MachineCalibration:
                 f"{self.folder}: expired on {self.document.expires}, {of}; calibrate again"
             )
 
+    def check_days(self, logs: Sequence[Log]) -> None:
+        """Refuse logs of a day after the last of the evidence.
+
+        Raises:
+            EvidenceError: expired.
+        """
+        starts = [log.topics()["start_ns"].min() for log in logs]
+        known = [start for start in starts if isinstance(start, int)]
+        self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
+
     def of_loads(
         self, loads: pl.DataFrame, nuisances: pl.DataFrame, other: str = ""
     ) -> pl.DataFrame:
@@ -213,13 +223,6 @@ def calibrated_frame(
         )
     by.check_day(about.t0_unix_ns, recording)
     return by.of_loads(loads, nuisances)
-
-
-def begins_ns(logs: Sequence[Log]) -> int | None:
-    """When the latest of some logs begins, unix time; None where nothing was recorded."""
-    starts = [log.topics()["start_ns"].min() for log in logs]
-    known = [start for start in starts if isinstance(start, int)]
-    return max(known) if known else None
 
 
 def recorded_machine(about: Provenance) -> Machine:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import polars as pl
 
@@ -9,13 +10,15 @@ from analysis.comparison import Comparison, compare, same_inputs
 from analysis.run import Provenance
 from estimators.errors import RecordingError
 from recordings import read_frame, read_provenance, stages
-from replay.calibrated import AskedCalibration, calibrated_frame
+
+if TYPE_CHECKING:
+    from replay.calibrated import AskedCalibration
 
 
 class Recorded:
     """A recording as a replay to compare: only what is asked for is read."""
 
-    def __init__(self, path: Path, asked: AskedCalibration | None = None) -> None:
+    def __init__(self, path: Path, asked: "AskedCalibration | None" = None) -> None:
         """Read what describes it.
 
         Args:
@@ -31,6 +34,8 @@ class Recorded:
         self.stages: Mapping[str, Sequence[str]] = stages(path)
         self._loads: pl.DataFrame | None = None
         if asked is not None and "loads" in self.stages:
+            from replay.calibrated import calibrated_frame
+
             raw, terms = read_frame(path, "loads"), read_frame(path, "nuisances")
             self._loads = calibrated_frame(raw, terms, self.provenance, asked, path)
             self.stages = {**self.stages, "loads": self._loads.columns}
@@ -48,7 +53,7 @@ def compare_recordings(
     *,
     rtol: float = 0.0,
     other_logs: bool = False,
-    calibration: AskedCalibration | None = None,
+    calibration: "AskedCalibration | None" = None,
 ) -> Comparison:
     """Compare two recordings.
 

@@ -4,16 +4,18 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from analysis.answer import Answer, answer
 from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
 from recordings.viewer import start_viewer
-from replay.calibrated import AskedCalibration, begins_ns, load_calibration
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import STAGES, run
 from replay.readers import open_log
+
+if TYPE_CHECKING:
+    from replay.calibrated import AskedCalibration, MachineCalibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ def replay_logs(
     overrides: Sequence[str] = (),
     *,
     strict: bool = False,
-    calibration: AskedCalibration | None = None,
+    calibration: "AskedCalibration | None" = None,
     on_stage: Callable[[str], None] = lambda _: None,
 ) -> Answer:
     """Replay logs in one time line and record the run.
@@ -63,8 +65,12 @@ def replay_logs(
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
     machine = load_machine(machine_file, overrides)
-    by = None if calibration is None else load_calibration(calibration)
-    if by is not None:
+    by: MachineCalibration | None = None
+    if calibration is not None:
+        # a run begins without what it may not need
+        from replay.calibrated import load_calibration
+
+        by = load_calibration(calibration)
         machine = by.checked(by.weighing(machine), machine_file)
     if output.path is not None:
         check_recording(output.path, force=output.force)
@@ -74,7 +80,7 @@ def replay_logs(
         on_stage("open")
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         if by is not None:
-            by.check_day(begins_ns(opened), ", ".join(map(str, logs)))
+            by.check_days(opened)
         try:
             result = run(opened, machine, on_stage)
         except DataError as error:

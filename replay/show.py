@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import polars as pl
 
@@ -10,7 +10,9 @@ from analysis.schema import FRAMES, Frame
 from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
-from replay.calibrated import AskedCalibration, calibrated_frame
+
+if TYPE_CHECKING:
+    from replay.calibrated import AskedCalibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ class Stage:
         declared: Frame = FRAMES[self.name.partition("/")[0]]
         return declared.time_column
 
-    def calibrated(self, asked: AskedCalibration) -> Self:
+    def calibrated(self, asked: "AskedCalibration") -> Self:
         """The loads with their calibrated masses.
 
         Raises:
@@ -64,6 +66,8 @@ class Stage:
             raise RecordingError(
                 f"{self.recording}: a calibration is of stage 'loads', not of '{self.name}'"
             )
+        from replay.calibrated import calibrated_frame
+
         about, terms = read_provenance(self.recording), read_frame(self.recording, "nuisances")
         return replace(self, rows=calibrated_frame(self.rows, terms, about, asked, self.recording))
 

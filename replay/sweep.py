@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -14,12 +15,14 @@ from analysis.calibration.trials import run_estimates
 from analysis.machine import LogSection, Machine
 from analysis.run import Run
 from estimators.errors import DataError
-from replay.calibrated import AskedCalibration, begins_ns, load_calibration
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import run
 from replay.read_once import ReadOnce
 from replay.readers import open_log
 from replay.truth import has_truth, true_trials
+
+if TYPE_CHECKING:
+    from replay.calibrated import AskedCalibration, MachineCalibration
 
 #: Fewer loads are no calibration campaign: then raw masses are held against the truth.
 _LOADS_MIN = 3
@@ -47,7 +50,7 @@ def sweep(
     grid: Sequence[Sequence[str]],
     *,
     reference_kg: float | None,
-    calibration: AskedCalibration | None = None,
+    calibration: "AskedCalibration | None" = None,
     on_stage: Callable[[str], None],
 ) -> list[Row]:
     """Replay logs (in one time line) once a combination; each topic is decoded once.
@@ -69,8 +72,12 @@ def sweep(
         PayscopeError: whatever is wrong with the input, before the first replay.
     """
     machines = [load_machine(machine_file, [*overrides, *each]) for each in grid]
-    by = None if calibration is None else load_calibration(calibration)
-    if by is not None:
+    by: MachineCalibration | None = None
+    if calibration is not None:
+        # a sweep begins without what it may not need
+        from replay.calibrated import load_calibration
+
+        by = load_calibration(calibration)
         by.checked(by.weighing(load_machine(machine_file, overrides)), machine_file)
         machines = [by.weighing(machine) for machine in machines]
     truth = true_trials(logs) if has_truth(logs) else None
@@ -85,7 +92,7 @@ def sweep(
                     for path in logs
                 ]
             if by is not None:
-                by.check_day(begins_ns(opened[machine.log]), ", ".join(map(str, logs)))
+                by.check_days(opened[machine.log])
             replayed = _replay(opened[machine.log], machine, logs, machine_file, each)
             if by is not None:
                 replayed = by.of_run(replayed, by.other(machine))

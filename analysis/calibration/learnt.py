@@ -12,7 +12,7 @@ from typing import Final, get_args
 import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from analysis.machine import Machine
 from analysis.settings import LearnableTerm, LearntTerm
@@ -133,7 +133,7 @@ def _between(value: np.ndarray, variance: np.ndarray) -> float:
     weight = 1.0 / variance
     mean = float(weight @ value / weight.sum())
     squares, freedom = float(weight @ (value - mean) ** 2), value.size - 1
-    if float(chi2.sf(squares, freedom)) > _LEVEL:
+    if float(chdtrc(freedom, squares)) > _LEVEL:
         return 0.0
     spare = float(weight.sum() - (weight @ weight) / weight.sum())
     return max(squares - freedom, 0.0) / spare

@@ -47,6 +47,7 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
             *_outcome(document),
             _about_beta(fitted),
             *(f"{_capital(said)}." for said in fitted.says),
+            *_learnt(document),
             *(_advice(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -86,6 +87,18 @@ def _outcome(document: EvidenceDocument) -> list[str]:
             f"calibration allows. {risk} The line is that of the calibration before."
         )
     return found
+
+
+def _learnt(document: EvidenceDocument) -> list[str]:
+    """Which priors are the campaign's own."""
+    learnt = document.learnt
+    if learnt is None:
+        return []
+    logs = len({each.log for each in learnt.logs})
+    return [
+        f"The mass is found with what {logs} logs say together of {', '.join(learnt.terms)}; what "
+        "that has wrong is in every mass alike, and the line takes it with it."
+    ]
 
 
 def _advice(fitted: Calibration) -> list[str]:

@@ -157,6 +157,9 @@ class TestPriors:
         assert PriorSettings.model_fields
         for name, field in PriorSettings.model_fields.items():
             assert field.description, name
+            if name == "learnt":  # a table, whose terms have widths of their own
+                assert field.default == {}
+                continue
             assert field.default > 0.0, name
             with pytest.raises(ValueError, match=name):
                 PriorSettings.model_validate({name: 0.0})

@@ -1,0 +1,164 @@
+"""Campaigns as whole logs: does the calibrated mass of a later log hold its interval?
+
+A machine's constants are drawn once a campaign, what differs from log to log once a log. Six loads,
+a log of nine starts each, all of one day; then three logs with loads in between.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.calibration.apply import calibrated_loads
+from analysis.calibration.calibration import CalibrationOptions
+from analysis.calibration.campaign import CampaignRun
+from analysis.calibration.fit import fit_calibration
+from analysis.calibration.learnt import contradiction, learnt_terms, terms_of, with_learnt
+from analysis.calibration.readings import readings
+from analysis.machine import Machine
+from analysis.run import Run
+from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
+from replay.machine_file import load_machine
+from replay.memory_log import MemoryLog, reading_memory
+from replay.pipeline import run
+
+LOADS_KG: Final = (0.0, 50.0, 100.0, 150.0, 200.0, 250.0)
+LATER_KG: Final = (30.0, 120.0, 220.0)
+EMPTY_KG: Final = 3614.0
+#: Standard deviations of the reference masses, and of what differs from log to log, in N.
+REFERENCE_U_KG: Final = 0.5
+FROM_LOG_TO_LOG_N: Final = 15.0
+DAY: Final = "2023-11-14"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A later load: calibrated less true mass, its interval's half width, u, and whether it held.
+
+    NaN where the mass was refused.
+    """
+
+    error_kg: float
+    half_kg: float
+    u_kg: float
+    held: bool
+
+
+def machine_of(dice: np.random.Generator) -> dict[str, dict[str, float]]:
+    """Constants of a machine: gain and offset of the force, delays, wheels, accelerometer."""
+    return {
+        "sensors": {
+            "force_gain": float(np.exp(dice.normal(0.0, 0.03))),
+            "force_bias_N": dice.normal(0.0, 60.0),
+            "force_delay_s": dice.uniform(0.0, 0.01),
+            "speed_delay_s": dice.uniform(0.0, 0.01),
+            "acc_bias_m_s2": dice.normal(0.0, 0.02),
+            "force_drift_N": dice.uniform(0.0, 20.0),
+        },
+        "machine": {"wheel_radius_excess": dice.normal(0.0, 0.003)},
+    }
+
+
+def log_of(
+    constants: dict[str, dict[str, float]], load_kg: float, seed: int, dice: np.random.Generator
+) -> SimulatedLog:
+    """A log of nine starts of one load."""
+    default = Scenario()
+    sensors = dict(constants["sensors"])
+    sensors["force_bias_N"] += dice.normal(0.0, FROM_LOG_TO_LOG_N)
+    scenario = default.model_copy(
+        update={
+            "machine": default.machine.model_copy(update=constants["machine"]),
+            "sensors": default.sensors.model_copy(update={**sensors, "seed": seed}),
+            "campaign": default.campaign.model_copy(update={"loads_kg": (load_kg,)}),
+        }
+    )
+    (made,) = simulate_campaign(scenario)
+    return made
+
+
+def replays(logs: Sequence[SimulatedLog], machine: Machine) -> list[Run]:
+    return [run(MemoryLog(log), reading_memory(machine, log)) for log in logs]
+
+
+def readings_of(replayed: Run, load_kg: float) -> pl.DataFrame:
+    """Frame `readings` of a log."""
+    name = f"{load_kg:g}"
+    about = CampaignRun.model_validate({"id": f"kg-{name}", "log": name, "loads": (), "day": DAY})
+    found = readings(replayed, [about], "joint_mass")
+    return found.with_columns(load_id=pl.lit(name))
+
+
+def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
+    """The later loads of one campaign, by priors that were learnt and by those of the file."""
+    dice = np.random.default_rng([seed, 1713])
+    constants = machine_of(dice)
+    loads_kg = (*LOADS_KG, *LATER_KG)
+    logs = [
+        log_of(constants, load_kg, 100_000 + 100 * seed + number, dice)
+        for number, load_kg in enumerate(loads_kg)
+    ]
+    stated = EMPTY_KG + np.array(LOADS_KG) + dice.normal(0.0, REFERENCE_U_KG, len(LOADS_KG))
+    references = pl.DataFrame(
+        {"load_id": [f"{load_kg:g}" for load_kg in LOADS_KG], "reference_kg": stated}
+    )
+    raw = replays(logs, machine)
+    said = [
+        term
+        for load_kg, each in zip(LOADS_KG, raw, strict=False)
+        for term in terms_of(f"{load_kg:g}", each.frames["nuisances"])
+    ]
+    narrow = replays(logs, with_learnt(machine, learnt_terms(said)))
+    return {
+        name: _outcomes(replayed, references)
+        for name, replayed in (("learnt from its logs", narrow), ("of the machine file", raw))
+    }
+
+
+def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
+    """Fit the first logs, and weigh the others."""
+    first, later = replayed[: len(LOADS_KG)], replayed[len(LOADS_KG) :]
+    table = pl.concat([readings_of(*each) for each in zip(first, LOADS_KG, strict=True)])
+    covariance = np.eye(len(LOADS_KG)) * REFERENCE_U_KG**2
+    line = fit_calibration(table, references, covariance, CalibrationOptions("joint_mass"))
+    found: list[Outcome] = []
+    for each, load_kg in zip(later, LATER_KG, strict=True):
+        against = contradiction(each.frames["nuisances"])
+        row = calibrated_loads(each.frames["loads"], line, against).row(0, named=True)
+        true_kg = EMPTY_KG + load_kg
+        if row["calibrated_kg"] is None:
+            print(f"refused: {row['calibrated_reason']}", flush=True)
+            found.append(Outcome(np.nan, np.nan, np.nan, held=False))
+            continue
+        low, high = row["calibrated_low_kg"], row["calibrated_high_kg"]
+        error_kg = row["calibrated_kg"] - true_kg
+        held = low <= true_kg <= high
+        found.append(Outcome(error_kg, (high - low) / 2.0, row["calibrated_u_kg"], held))
+    return found
+
+
+def whole(campaigns: int, seed: int) -> Iterator[list[str]]:
+    """A row by priors: masses, held, half interval, r.m.s. error, error over u, refused."""
+    machine = load_machine("cat262c.toml")
+    found: dict[str, list[Outcome]] = {}
+    for number in range(campaigns):
+        for name, outcomes in campaign(seed * 1000 + number, machine).items():
+            found.setdefault(name, []).extend(outcomes)
+        print(
+            number, {n: f"{sum(o.held for o in v)}/{len(v)}" for n, v in found.items()}, flush=True
+        )
+    for name, outcomes in found.items():
+        known = [one for one in outcomes if np.isfinite(one.error_kg)]
+        errors = np.array([one.error_kg for one in known])
+        over = errors / np.array([one.u_kg for one in known])
+        yield [
+            name,
+            str(len(known)),
+            f"{100.0 * np.mean([one.held for one in known]):.1f} %",
+            f"{np.median([one.half_kg for one in known]):.1f}",
+            f"{np.sqrt((errors**2).mean()):.1f}",
+            f"{np.sqrt((over**2).mean()):.2f}",
+            str(len(outcomes) - len(known)),
+        ]
