@@ -25,7 +25,7 @@ Bools = NDArray[np.bool_]
 #: A resistance that grows by this share of the force that the log drives with, over one start,
 _GROWS: Final = 0.2
 #: and by so many of its deviations, is no ground.
-_SURELY: Final = 6.0
+_SURELY: Final = 5.0
 #: What a signal reaches: this quantile of it.
 _REACHES: Final = 0.95
 #: Driving that pauses for less is one start.

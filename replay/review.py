@@ -31,7 +31,7 @@ from recordings.review.state import (
     read_state,
     state_of,
 )
-from recordings.review.verdicts import CycleVerdict, matched, read_verdicts
+from recordings.review.verdicts import VERDICTS, matched, read_verdicts
 from replay.calibrate import before_of
 from replay.inputs import input_files, resolved, versions
 from replay.machine_file import load_machine, time_axis
@@ -43,7 +43,6 @@ _STAGE: Final = ".payscope-"
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
 _THINNED: Final = 10
 _OF_THE_GRID: Final = ("excitation", "gate")
-_TRACK: Final = "track"
 #: Frames that a shift's recording has whole.
 _WHOLE: Final = (
     *("digging", "segments", "loads", "manoeuvres", "cycles", "shift"),
@@ -167,7 +166,7 @@ def review(
                 summary.row(0, named=True),
                 target,
                 None if before is None else _changes(before, state),
-                about_line or "none: masses are by the machine file alone",
+                about_line,
                 made.track,
             )
             write_ledger(rows, stage)
@@ -338,7 +337,7 @@ def _locked(folder: Path) -> Generator[None]:
             ) from None
         foreign = [each for each in folder.iterdir() if not each.name.startswith(".")]
         if foreign and not any((folder / name).is_file() for name in (STATE, PARQUET, RECORDING)):
-            names = {each.name for each in foreign} - {"verdicts.toml"}
+            names = {each.name for each in foreign} - {VERDICTS}
             if names:
                 raise ReviewError(
                     f"{folder}: holds other files ({sorted(names)[0]}) and no review; name a "
@@ -347,6 +346,3 @@ def _locked(folder: Path) -> Generator[None]:
         for left in folder.glob(f"{_STAGE}*"):
             shutil.rmtree(left, ignore_errors=True)
         yield
-
-
-__all__ = ["CycleVerdict", "ReviewOptions", "Reviewed", "review"]

@@ -15,7 +15,7 @@ from estimators.errors import counted
 from recordings.evidence.figures import WIDTH
 from recordings.review.plots import pictures
 from recordings.review.state import RECORDING, ReviewState
-from recordings.wording import number
+from recordings.wording import number, plus_minus
 
 PAGE: Final = "review.html"
 _TEMPLATE: Final = "review.html.j2"
@@ -40,7 +40,7 @@ class ReviewPage:
         shift: frame `shift`, with what a reviewer says.
         target: 10/10/20, where a target was given.
         changes: since the last review; None where this is the first.
-        calibration: what it is, in words.
+        calibration: what it is, in words; empty where there is none.
         track: positions, where there are.
     """
 
@@ -61,7 +61,7 @@ def review_html(page: ReviewPage) -> str:
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["number"] = number
-    environment.filters["percent"] = lambda share: "–" if share is None else f"{share:.2%}"
+    environment.filters["percent"] = _percent
     here = files("recordings.review")
     script = here.joinpath(_SCRIPT).read_text(encoding="utf-8")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -84,7 +84,8 @@ def review_html(page: ReviewPage) -> str:
         width=WIDTH,
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        calibration=page.calibration,
+        calibration=page.calibration or "none: masses are by the machine file alone",
+        friction=_friction(state),
         version=version("payscope"),
         script_hash=f"sha256-{digest}",
     )
@@ -170,12 +171,26 @@ def _warnings(page: ReviewPage) -> list[str]:
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
         found.append(f"Checks that failed and widen the ±: {', '.join(widened)}.")
+    if state.scale_unknown and not page.calibration:
+        found.append(
+            f"Scale not known: the machine file gives no uncertainty of {state.scale_unknown}, so "
+            "none is in the ±; a calibration (--calibration) tells it."
+        )
     if not shift["cycles"] and state.can_weigh:
         found.append(
             "Loaded and empty cannot be told apart: one load throughout, or too few starts that "
             "tell a mass."
         )
     return found
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{share:.2%}"
+
+
+def _friction(state: ReviewState) -> str:
+    value, std = state.friction
+    return "–" if value is None else f"{plus_minus(value, std)} N·s/m (standard uncertainty)"
 
 
 def _row(row: Mapping[str, Any]) -> Mapping[str, Any]:
