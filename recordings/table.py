@@ -383,8 +383,8 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         "shift": (
             "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "
             "payload_kg payload_u_random_kg payload_u_common_kg payload_u_kg payload_mean_kg "
-            "payload_std_kg carry_back_mean_kg lost_cycles lost_cycles_u lost_kg lost_u_kg "
-            "duration_s gap_s idle_s utilisation_1"
+            "payload_std_kg carry_back_mean_kg carry_back_u_kg "
+            "lost_cycles lost_cycles_u lost_kg lost_u_kg duration_s gap_s idle_s utilisation_1"
         ),
         "nuisances": "term unit prior_std posterior posterior_std u_kg meaning",
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",

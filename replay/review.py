@@ -176,7 +176,7 @@ def review(
 
 
 @dataclass(frozen=True)
-class _Made:
+class ReplayedShift:
     """What a replay gave, or what was kept of it."""
 
     cycles: pl.DataFrame
@@ -192,14 +192,14 @@ def _replayed(
     logs: Sequence[Path],
     machine_file: Path,
     on_stage: Callable[[str], None],
-) -> _Made:
+) -> ReplayedShift:
     try:
         made = run(opened, machine, on_stage)
     except DataError as error:
         names = ", ".join(map(str, logs))
         raise DataError(f"{names} with {machine_file}: {error}") from None
     frames = made.frames
-    return _Made(
+    return ReplayedShift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
@@ -208,7 +208,7 @@ def _replayed(
     )
 
 
-def _kept(folder: Path, before: ReviewState | None, key: str) -> _Made | None:
+def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
     """What an earlier review of the same logs and settings found; None where there is none."""
     recording = folder / RECORDING
     if before is None or before.key != key or not recording.is_file():
@@ -220,7 +220,7 @@ def _kept(folder: Path, before: ReviewState | None, key: str) -> _Made | None:
         track = _track(read_frame(recording, "aligned"))
     except RecordingError:
         return None
-    return _Made(cycles, shift, before.t0_unix_ns, track)
+    return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
 
 
 def _thinned(made: Run, *, full: bool) -> Run:

@@ -123,7 +123,8 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
         mean, std = shift["payload_mean_kg"], shift["payload_std_kg"] or 0.0
         found += [("a load", f"{mean:,.0f} kg on average, standard deviation {std:,.0f} kg")]
     if shift["carry_back_mean_kg"] is not None:
-        found += [("carried back", f"{shift['carry_back_mean_kg']:,.0f} kg on average")]
+        mean, u = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
+        found += [("carried back", f"{mean:,.0f} ± {u:,.0f} kg on average")]
     found += [
         (
             "utilisation",

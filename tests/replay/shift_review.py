@@ -10,7 +10,7 @@ from replay.simulate import log_paths, shift_truth_path, simulate
 SCENARIO = Scenario.model_validate(
     {
         "shift": {
-            "duration_h": 0.2,
+            "duration_h": 0.15,
             "logs": 2,
             "restart_s": 2.0,
             "damaged_logs": 1,

@@ -47,7 +47,7 @@ def opened(chromium: Any, page_file: Path, request: pytest.FixtureRequest) -> It
         offline=True,
         permissions=["clipboard-read", "clipboard-write"],
     )
-    page = context.new_page()
+    page: Any = context.new_page()
     page.asked, page.complaints = [], []
     page.on("request", lambda request: page.asked.append(request.url))
     page.on("console", lambda message: page.complaints.append(message.text))
