@@ -1,7 +1,7 @@
 """The answer of a run: one object, which every command, recording and picture renders."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import polars as pl
@@ -87,6 +87,7 @@ class Answer:
         notes: what a reader should know, a sentence each.
         fingerprint: of inputs, settings and results.
         recording: where it was recorded, None where it was not.
+        shift: what its cycles add up to; empty where there are none.
     """
 
     rows: tuple[AnswerRow, ...]
@@ -100,6 +101,7 @@ class Answer:
     notes: tuple[str, ...] = ()
     fingerprint: Fingerprint | None = None
     recording: str | None = None
+    shift: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values; a mass of the log is there where it has one load."""
@@ -112,6 +114,7 @@ class Answer:
             "nuisances": [dict(row) for row in self.nuisances],
             "budget": [dict(row) for row in self.budget],
             "planar": [dict(row) for row in self.planar],
+            **({"shift": dict(self.shift)} if self.shift else {}),
             "accepted_share": self.accepted_share,
             "verdict": self.verdict.to_dict(),
             "losses": [loss.model_dump() for loss in self.losses],
@@ -132,6 +135,7 @@ def answer(run: Run, recording: str | None = None) -> Answer:
         window = about.settings.gate.window_samples
         share = float(samples_of(gated["accepted_x"].to_numpy(), window).mean())
     loads = _rows(run, "loads")
+    shift = _rows(run, "shift")
     one = loads[0] if len(loads) == 1 else None
     return Answer(
         rows=() if masses is None else (AnswerRow.of(masses, one),),
@@ -139,6 +143,7 @@ def answer(run: Run, recording: str | None = None) -> Answer:
         nuisances=_rows(run, "nuisances"),
         budget=_rows(run, "budget"),
         planar=_rows(run, "planar"),
+        shift=shift[0] if shift and shift[0]["cycles_counted"] else {},
         accepted_share=share,
         verdict=Verdict() if judged is None else Verdict.of(judged),
         losses=about.losses,

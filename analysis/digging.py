@@ -1,7 +1,7 @@
 """Starts against something that pushes back: a bucket driven into a pile.
 
 Their force does not only accelerate what is weighed, and the bucket fills while they last, so they
-tell no mass; together they would bend what all starts share. A resistance that is there from the
+are no estimates of a mass; together they would bend what all starts share. A resistance that is there from the
 beginning (soft ground, a slope without a pitch) is not meant: only one that grows.
 """
 
@@ -25,11 +25,13 @@ Bools = NDArray[np.bool_]
 #: A resistance that grows by this share of the force that the log drives with, over one start,
 _GROWS: Final = 0.2
 #: and by so many of its deviations, is no ground.
-_SURELY: Final = 6.0
+_SURELY: Final = 5.0
 #: What a signal reaches: this quantile of it.
 _REACHES: Final = 0.95
 #: Driving that pauses for less is one start.
 _MOMENT_S: Final = 0.25
+#: Who drives for longer is on the way somewhere.
+_LONGEST_S: Final = 15.0
 #: A start of fewer samples tells nothing.
 _FEWEST: Final = 60
 #: The mass of machine and load is this times the empty machine's, within this share of it,
@@ -75,7 +77,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
                 _CONSTANT_WIDTH * largest_N,
             ]
         )
-        for rows in _starts(driving, machine.settings):
+        for rows in _starts(driving, speed, machine.settings):
             way = np.sign(np.mean(speed[rows]))
             grown_N, std_N = _growth(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
@@ -127,12 +129,14 @@ def _largest(values: Floats) -> float:
     return float(np.quantile(np.abs(values), _REACHES))
 
 
-def _starts(driving: Bools, settings: Settings) -> list[Ints]:
-    """The rows of each stretch of driving, over holes of a moment."""
+def _starts(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
+    """The rows of each stretch of driving one way, over holes of a moment, that is short enough."""
     rows = np.flatnonzero(driving)
     hole = max(1, round(_MOMENT_S * settings.align.rate_hz))
-    parts = np.split(rows, np.flatnonzero(np.diff(rows) > hole) + 1)
-    return [part for part in parts if part.size >= _FEWEST]
+    turns = np.diff(np.sign(speed[rows])) != 0
+    parts = np.split(rows, np.flatnonzero((np.diff(rows) > hole) | turns) + 1)
+    longest = round(_LONGEST_S * settings.align.rate_hz)
+    return [part for part in parts if _FEWEST <= part.size <= longest]
 
 
 def _growth(

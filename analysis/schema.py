@@ -389,7 +389,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("carry_back_u_kg", "kg", "its standard uncertainty"),
                 Column("quality", QUALITY, "1", "what the payload is worth"),
                 Column("counted", pl.Boolean, "1", "whether it is in the sum of the shift"),
-                Column("reason", pl.String, "1", "why there is no mass, or what is wrong with it"),
+                Column(
+                    "withheld_for", pl.String, "1", "why there is no mass, or what is wrong with it"
+                ),
             ),
         ),
         Frame(
@@ -409,6 +411,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("payload_mean_kg", "kg", "mean payload"),
                 _f("payload_std_kg", "kg", "standard deviation of payloads"),
                 _f("carry_back_mean_kg", "kg", "mean of what was carried back"),
+                _f("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),
                 _f("lost_cycles", "1", "cycles expected where nothing was recorded"),
                 _f("lost_cycles_u", "1", "standard uncertainty of that"),
                 _f("lost_kg", "kg", "what they would have carried"),

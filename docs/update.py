@@ -53,6 +53,7 @@ PAGES = (
             "loads",
             "machine-file",
             "simulating",
+            "reviewing-a-shift",
             "inertia-and-centre-of-mass",
             "evidence",
             "commands",

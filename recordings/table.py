@@ -382,13 +382,13 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "cycle start_t_ns end_t_ns dig_t_ns dump_t_ns return_s load_s haul_s dump_s manoeuvres "
             "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "
             "empty_after_id empty_after_kg empty_after_u_kg tare_before_1 "
-            "payload_u_random_kg payload_u_common_kg counted reason"
+            "payload_u_random_kg payload_u_common_kg counted withheld_for"
         ),
         "shift": (
             "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "
             "payload_kg payload_u_random_kg payload_u_common_kg payload_u_kg payload_mean_kg "
-            "payload_std_kg carry_back_mean_kg lost_cycles lost_cycles_u lost_kg lost_u_kg "
-            "duration_s gap_s idle_s utilisation_1"
+            "payload_std_kg carry_back_mean_kg carry_back_u_kg "
+            "lost_cycles lost_cycles_u lost_kg lost_u_kg duration_s gap_s idle_s utilisation_1"
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",

@@ -5,6 +5,7 @@ from math import ceil
 from typing import Any, Final
 
 from analysis.answer import Answer
+from estimators.errors import counted
 from recordings.wording import number, plus_minus
 
 #: Characters of the longest bar.
@@ -227,3 +228,16 @@ def _remark(load: Mapping[str, Any]) -> str:
 
 def _seconds(t_ns: int | None) -> str:
     return "–" if t_ns is None else f"{t_ns / _NS:,.1f}"
+
+
+def shift_lines(answer: Answer) -> list[str]:
+    """What the cycles of a log add up to, in a line; none where nothing was dumped."""
+    shift = answer.shift
+    if not shift:
+        return []
+    u_kg = 2.0 * shift["payload_u_kg"]
+    return [
+        f"{counted(shift['cycles_counted'], 'cycle')}, {shift['payload_kg'] / 1e3:,.3f} ± "
+        f"{u_kg / 1e3:.3f} t (k = 2), {2.0 * shift['payload_u_common_kg'] / 1e3:.3f} t of that "
+        "common to all; `payscope review` lists them"
+    ]

@@ -31,7 +31,7 @@ from recordings.review.state import (
     read_state,
     state_of,
 )
-from recordings.review.verdicts import CycleVerdict, matched, read_verdicts
+from recordings.review.verdicts import VERDICTS, matched, read_verdicts
 from replay.calibrate import before_of
 from replay.inputs import input_files, resolved, versions
 from replay.machine_file import load_machine, time_axis
@@ -43,7 +43,6 @@ _STAGE: Final = ".payscope-"
 #: Rows of the grid that the recording of a shift keeps one of, and the frames that it thins so.
 _THINNED: Final = 10
 _OF_THE_GRID: Final = ("excitation", "gate")
-_TRACK: Final = "track"
 #: Frames that a shift's recording has whole.
 _WHOLE: Final = (
     *("digging", "segments", "loads", "manoeuvres", "cycles", "shift"),
@@ -167,7 +166,7 @@ def review(
                 summary.row(0, named=True),
                 target,
                 None if before is None else _changes(before, state),
-                about_line or "none: masses are by the machine file alone",
+                about_line,
                 made.track,
             )
             write_ledger(rows, stage)
@@ -177,7 +176,7 @@ def review(
 
 
 @dataclass(frozen=True)
-class _Made:
+class ReplayedShift:
     """What a replay gave, or what was kept of it."""
 
     cycles: pl.DataFrame
@@ -193,14 +192,14 @@ def _replayed(
     logs: Sequence[Path],
     machine_file: Path,
     on_stage: Callable[[str], None],
-) -> _Made:
+) -> ReplayedShift:
     try:
         made = run(opened, machine, on_stage)
     except DataError as error:
         names = ", ".join(map(str, logs))
         raise DataError(f"{names} with {machine_file}: {error}") from None
     frames = made.frames
-    return _Made(
+    return ReplayedShift(
         frames["cycles"],
         frames["shift"],
         made.provenance.t0_unix_ns,
@@ -209,7 +208,7 @@ def _replayed(
     )
 
 
-def _kept(folder: Path, before: ReviewState | None, key: str) -> _Made | None:
+def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift | None:
     """What an earlier review of the same logs and settings found; None where there is none."""
     recording = folder / RECORDING
     if before is None or before.key != key or not recording.is_file():
@@ -221,7 +220,7 @@ def _kept(folder: Path, before: ReviewState | None, key: str) -> _Made | None:
         track = _track(read_frame(recording, "aligned"))
     except RecordingError:
         return None
-    return _Made(cycles, shift, before.t0_unix_ns, track)
+    return ReplayedShift(cycles, shift, before.t0_unix_ns, track)
 
 
 def _thinned(made: Run, *, full: bool) -> Run:
@@ -338,7 +337,7 @@ def _locked(folder: Path) -> Generator[None]:
             ) from None
         foreign = [each for each in folder.iterdir() if not each.name.startswith(".")]
         if foreign and not any((folder / name).is_file() for name in (STATE, PARQUET, RECORDING)):
-            names = {each.name for each in foreign} - {"verdicts.toml"}
+            names = {each.name for each in foreign} - {VERDICTS}
             if names:
                 raise ReviewError(
                     f"{folder}: holds other files ({sorted(names)[0]}) and no review; name a "
@@ -347,6 +346,3 @@ def _locked(folder: Path) -> Generator[None]:
         for left in folder.glob(f"{_STAGE}*"):
             shutil.rmtree(left, ignore_errors=True)
         yield
-
-
-__all__ = ["CycleVerdict", "ReviewOptions", "Reviewed", "review"]

@@ -26,6 +26,7 @@ _NS: Final = 1e9
 _WEAK: Final = 0.25
 #: The cleanest bucket is this quantile of the empty passes: the least of many is the noisiest.
 _CLEANEST: Final = 0.1
+_UNSEEN: Final = "dumped while nothing was recorded"
 #: So few empty passes do not tell how what is carried back differs.
 _FEWEST: Final = 4
 
@@ -66,7 +67,7 @@ def cycles(
             row |= _masses(part, found, share, common_1, cleanest)
             row["manoeuvres"] = int(counts[part.loaded])
         row["quality"], row["counted"] = _quality(row, part)
-        row["reason"] = reason or _remark(row)
+        row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
     return _frame(rows)
@@ -91,8 +92,8 @@ def _times(part: CycleParts, ready_ns: int) -> dict[str, object]:
         "dump_t_ns": dump and (dump[0] + dump[1]) // 2,
         "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / _NS,
         "load_s": (haul[0] - dig[0]) / _NS if dig and haul else None,
-        "haul_s": (dump[0] - haul[0]) / _NS if haul and dump else None,
-        "dump_s": (dump[1] - dump[0]) / _NS if dump else None,
+        "haul_s": (dump[0] - haul[0]) / _NS if haul and dump and not part.unseen else None,
+        "dump_s": (dump[1] - dump[0]) / _NS if dump and not part.unseen else None,
     }
 
 

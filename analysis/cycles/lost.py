@@ -11,6 +11,10 @@ Ints = NDArray[np.int64]
 _NS: Final = 1e9
 #: Shorter holes lose no cycle.
 _HOLE_S: Final = 1.0
+#: Fewer dumps tell no period.
+_FEWEST: Final = 3
+#: A period longer than so many middling ones has idling in it.
+_IDLES: Final = 2.5
 
 
 class LostCycles(NamedTuple):
@@ -47,9 +51,9 @@ def holes(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, in
 def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles:
     """Price what the holes hide: a cycle is lost when all of its loaded stretch lies in one.
 
-    With a period P between dumps and a loaded stretch D of it, a hole G hides (G − D)/P cycles; the
-    number of whole periods in a stretch of chance place deviates by √(f(1−f)), f being the fraction
-    over whole ones, and periods differ.
+    With a period P between dumps, hauls of D, as long as those that were seen, a hole G hides
+    (G − D)/P cycles, nothing where the haul is longer; the number of whole periods in a stretch of
+    chance place deviates by √(f(1−f)), f being the fraction over whole ones, and periods differ.
 
     Args:
         cycles: the frame.
@@ -57,17 +61,15 @@ def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / _NS
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
-    if dumps.size < 3 or not known.size:
+    if dumps.size < _FEWEST or not known.size:
         return LostCycles(0.0, 0.0, 0.0, 0.0)
     periods = np.diff(dumps)
-    # idling is no period
-    periods = periods[periods < 2.5 * np.median(periods)]
+    periods = periods[periods < _IDLES * np.median(periods)]
     period, spread = float(np.mean(periods)), float(np.std(periods))
-    loaded = cycles.select(pl.col("load_s") + pl.col("haul_s")).to_series().drop_nulls()
-    stretch = float(loaded.median()) if loaded.len() else period / 2.0  # pyright: ignore[reportArgumentType]
+    hauls = cycles["haul_s"].drop_nulls().to_numpy()
     expected = variance = 0.0
     for start, end in gaps:
-        hidden = max((end - start) / _NS - stretch, 0.0) / period
+        hidden = float(np.mean(np.maximum((end - start) / _NS - hauls, 0.0))) / period
         part = hidden % 1.0
         expected += hidden
         variance += part * (1.0 - part) + hidden * (spread / period) ** 2

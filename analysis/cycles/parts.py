@@ -18,6 +18,8 @@ _NS: Final = 1e9
 _ONE_FILLING_S: Final = 60.0
 #: A boom that moves by so much while the machine stands tells when it dumps.
 _BOOM_MOVES_RAD: Final = 0.15
+#: So long without a sample it may have dumped there as well.
+_HOLE_S: Final = 5.0
 
 
 @dataclass
@@ -31,6 +33,7 @@ class CycleParts:
         dump_ns: when the machine stands to dump, and when it moves again.
         before: number of the empty pass before its load.
         after: of the one after it.
+        unseen: whether it is dumped while nothing is recorded.
     """
 
     dig_ns: tuple[int, int] | None = None
@@ -39,6 +42,7 @@ class CycleParts:
     dump_ns: tuple[int, int] | None = None
     before: int | None = None
     after: int | None = None
+    unseen: bool = False
 
 
 def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
@@ -118,22 +122,35 @@ def dump_times(
     for cycle in cycles:
         if cycle.loaded is None or cycle.after != cycle.loaded + 1:
             continue
-        first, last = np.searchsorted(
-            t_ns, [found.end_ns[cycle.loaded], found.start_ns[cycle.after]]
-        )
-        span = _stand(stands[first : last + 1], boom[first : last + 1], t_ns[first : last + 1])
-        cycle.dump_ns = span or (int(t_ns[first]), int(t_ns[last]))
+        between = [found.end_ns[cycle.loaded], found.start_ns[cycle.after]]
+        first, last = np.searchsorted(t_ns, between)
+        part = slice(first, last + 1)
+        stand = _stand(stands[part], boom[part], t_ns[part])
+        hole = None if stand is not None and stand[2] else _hole(t_ns[part])
+        cycle.unseen = hole is not None
+        cycle.dump_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
 
 
-def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, int] | None:
+def _hole(t_ns: Ints) -> tuple[int, int] | None:
+    """The longest time without a sample, where that is long."""
+    steps = np.diff(t_ns)
+    if not steps.size or steps.max() < _HOLE_S * _NS:
+        return None
+    widest = int(np.argmax(steps))
+    return int(t_ns[widest]), int(t_ns[widest + 1])
+
+
+def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, int, bool] | None:
+    """A stand, and whether the boom moves in it."""
     edges = np.diff(np.concatenate([[0], stands.astype(np.int8), [0]]))
     begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
     if not begins.size:
         return None
     moves = np.array([_range(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
-    best = int(np.argmax(moves if moves.max() > _BOOM_MOVES_RAD else length))
-    return int(t_ns[begins[best]]), int(t_ns[ends[best]])
+    by_boom = bool(moves.max() > _BOOM_MOVES_RAD)
+    best = int(np.argmax(moves if by_boom else length))
+    return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
 
 
 def _range(x: NDArray[np.float64]) -> float:

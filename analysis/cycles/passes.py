@@ -21,7 +21,10 @@ _APART: Final = 4.0
 _FEWEST: Final = 4
 #: Standard deviation over the median absolute deviation of a normal distribution.
 _MAD: Final = 1.4826
-_ROUNDS: Final = 20
+#: Empty and loaded passes differ among themselves by at least these shares of a load: what is
+#: carried back has a long tail, and so have loads.
+_LEAST_LIGHT: Final = 0.05
+_LEAST_HEAVY: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -102,32 +105,32 @@ def _loaded(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
     """(states,) whether each is loaded: the side of a border between the two classes."""
     if mass_kg.size < 2:
         return None
-    light, heavy = mass_kg[label == 0], mass_kg[label == 1]
-    if not light.size or not heavy.size:
-        border = _otsu(mass_kg)
-        light, heavy = mass_kg[mass_kg <= border], mass_kg[mass_kg > border]
+    told = (label == 0).any() and (label == 1).any()
+    border = _otsu(mass_kg)
+    light, heavy = mass_kg <= border, mass_kg > border
+    if told:
+        light, heavy = label == 0, label == 1
+    a, b = float(np.median(mass_kg[light])), float(np.median(mass_kg[heavy]))
     least_kg = float(np.median(u_kg))
-    chosen = None
-    for _ in range(_ROUNDS):
-        border = _border(light, heavy, least_kg)
-        now = mass_kg > border
-        if now.all() or not now.any():
-            return None
-        if chosen is not None and (now == chosen).all():
-            break
-        chosen = now
-        light, heavy = mass_kg[~now], mass_kg[now]
-    apart_kg = float(np.median(heavy) - np.median(light))
-    return chosen if apart_kg > _APART * max(least_kg, _spread(light, 0.0)) else None
+    spread_kg = _spread(mass_kg[light], least_kg)
+    if not b - a > _APART * max(least_kg, spread_kg if light.sum() >= _FEWEST else 0.0):
+        return None
+    low = max(spread_kg, _LEAST_LIGHT * (b - a))
+    high = max(_spread(mass_kg[heavy], least_kg), _LEAST_HEAVY * (b - a))
+    border = (a * high + b * low) / (low + high)
+    return mass_kg > (_by_labels(mass_kg, label, border) if told else border)
 
 
-def _border(light: Floats, heavy: Floats, least_kg: float) -> float:
-    """Where a mass is as many deviations from the one class as from the other."""
-    a, b = float(np.median(light)), float(np.median(heavy))
-    spread = _spread(np.concatenate([light - a, heavy - b]), least_kg)
-    low = _spread(light, least_kg) if light.size >= _FEWEST else spread
-    high = _spread(heavy, least_kg) if heavy.size >= _FEWEST else spread
-    return (a * high + b * low) / (low + high)
+def _by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
+    """The border that is at odds with the fewest labels, of several the one nearest to `border`."""
+    order = np.sort(mass_kg)
+    choices = np.append((order[1:] + order[:-1]) / 2.0, border)
+    wrong = [
+        int(np.sum((label == 0) & (mass_kg > choice)) + np.sum((label == 1) & (mass_kg <= choice)))
+        for choice in choices
+    ]
+    best = choices[np.array(wrong) == min(wrong)]
+    return float(best[np.argmin(np.abs(best - border))])
 
 
 def _spread(values: Floats, least: float) -> float:

@@ -85,6 +85,8 @@ def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, float | 
         "payload_mean_kg": _number(payload.mean()),
         "payload_std_kg": _number(payload.std()),
         "carry_back_mean_kg": _number(back.mean()),
+        # that of the cleanest is in all of them, and not known apart
+        "carry_back_u_kg": _number(counted["carry_back_u_kg"].mean()),
     }
 
 

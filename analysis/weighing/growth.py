@@ -9,7 +9,7 @@ from itertools import compress
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from analysis.weighing.averages import Averages, averages, stride_of
 from analysis.weighing.equation import Floats, Ints, NoiseOfColumns
@@ -62,7 +62,7 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
     kg = kg - np.median(kg)
     usual = _OF_MEDIAN * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(_variance(fit, noise) / square + usual**2)
-    limit = norm.isf(_BY_MISTAKE / 2.0 / kg.size) * student_factor(kg.size - 1)
+    limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
     number = fit.states.unit[told]
     of_sample = np.full(fit.motion.group.size, -1)
     of_sample[fit.motion.used] = stretch_units(fit.motion)[fit.motion.group[fit.motion.used]]

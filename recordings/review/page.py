@@ -15,7 +15,7 @@ from estimators.errors import counted
 from recordings.evidence.figures import WIDTH
 from recordings.review.plots import pictures
 from recordings.review.state import RECORDING, ReviewState
-from recordings.wording import number
+from recordings.wording import number, plus_minus
 
 PAGE: Final = "review.html"
 _TEMPLATE: Final = "review.html.j2"
@@ -40,7 +40,7 @@ class ReviewPage:
         shift: frame `shift`, with what a reviewer says.
         target: 10/10/20, where a target was given.
         changes: since the last review; None where this is the first.
-        calibration: what it is, in words.
+        calibration: what it is, in words; empty where there is none.
         track: positions, where there are.
     """
 
@@ -61,7 +61,7 @@ def review_html(page: ReviewPage) -> str:
         undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["number"] = number
-    environment.filters["percent"] = lambda share: "–" if share is None else f"{share:.2%}"
+    environment.filters["percent"] = _percent
     here = files("recordings.review")
     script = here.joinpath(_SCRIPT).read_text(encoding="utf-8")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -84,7 +84,8 @@ def review_html(page: ReviewPage) -> str:
         width=WIDTH,
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        calibration=page.calibration,
+        calibration=page.calibration or "none: masses are by the machine file alone",
+        friction=_friction(state),
         version=version("payscope"),
         script_hash=f"sha256-{digest}",
     )
@@ -122,7 +123,8 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
         mean, std = shift["payload_mean_kg"], shift["payload_std_kg"] or 0.0
         found += [("a load", f"{mean:,.0f} kg on average, standard deviation {std:,.0f} kg")]
     if shift["carry_back_mean_kg"] is not None:
-        found += [("carried back", f"{shift['carry_back_mean_kg']:,.0f} kg on average")]
+        mean, u = shift["carry_back_mean_kg"], K * (shift["carry_back_u_kg"] or 0.0)
+        found += [("carried back", f"{mean:,.0f} ± {u:,.0f} kg on average")]
     found += [
         (
             "utilisation",
@@ -170,12 +172,26 @@ def _warnings(page: ReviewPage) -> list[str]:
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
         found.append(f"Checks that failed and widen the ±: {', '.join(widened)}.")
+    if state.scale_unknown and not page.calibration:
+        found.append(
+            f"Scale not known: the machine file gives no uncertainty of {state.scale_unknown}, so "
+            "none is in the ±; a calibration (--calibration) tells it."
+        )
     if not shift["cycles"] and state.can_weigh:
         found.append(
             "Loaded and empty cannot be told apart: one load throughout, or too few starts that "
             "tell a mass."
         )
     return found
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{share:.2%}"
+
+
+def _friction(state: ReviewState) -> str:
+    value, std = state.friction
+    return "–" if value is None else f"{plus_minus(value, std)} N·s/m (standard uncertainty)"
 
 
 def _row(row: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -193,7 +209,7 @@ def _row(row: Mapping[str, Any]) -> Mapping[str, Any]:
         value = row[name]
         value = K * value if name == "payload_u_kg" and value is not None else value
         cells.append(("–", "") if value is None else (f"{value:,.0f}", f"{value:.3f}"))
-    remark = [row["reason"]]
+    remark = [row["withheld_for"]]
     if row["author"]:
         remark.append(
             f"{'rejected, ' if row['rejected'] else ''}{row['author']}, {row['said']}"

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -16,6 +17,8 @@ RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
 FORMAT: Final = 1
 _NS: Final = 10**9
+#: A message is late when it comes after so many periods.
+_LATE: Final = 1.5
 
 
 class TopicSampling(BaseModel):
@@ -51,6 +54,8 @@ class ReviewState(BaseModel):
         recording_sha256: of `shift.rrd`, which this belongs to.
         resolved: machine, settings and options by name, as plain values.
         gate_shares: share of the recorded time by the gate's reason.
+        friction: viscous friction of the fit in N·s/m, and its standard deviation.
+        scale_unknown: what the machine file gives no uncertainty of.
         gaps_s: stretches without a recording, from the first sample.
     """
 
@@ -73,6 +78,7 @@ class ReviewState(BaseModel):
     sampling: tuple[TopicSampling, ...]
     friction: tuple[float | None, float | None]
     digs: int
+    scale_unknown: str
 
 
 def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]) -> ReviewState:
@@ -122,6 +128,7 @@ def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]
         ),
         friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
         digs=frames["digging"].height,
+        scale_unknown=load["scale_unknown"] or "",
     )
 
 
@@ -162,16 +169,13 @@ def flat(values: Any, name: str = "") -> dict[str, str]:
 
 
 def _sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:
-    times = frame["log_time_ns"]
-    steps = times.diff().drop_nulls() / _NS
-    middle = steps.median()
-    known = isinstance(middle, float) and middle > 0.0
-    late = float((steps > 1.5 * middle).mean() or 0.0) if known else None  # pyright: ignore
-    longest = steps.max()
+    steps = np.diff(frame["log_time_ns"].to_numpy()) / _NS
+    middle = float(np.median(steps)) if steps.size else 0.0
+    known = middle > 0.0
     return TopicSampling(
         topic=topic,
         messages=frame.height,
-        rate_hz=1.0 / middle if known else None,  # pyright: ignore[reportOperatorIssue]
-        longest_s=longest if isinstance(longest, float) else None,
-        late_1=late,
+        rate_hz=1.0 / middle if known else None,
+        longest_s=float(steps.max()) if steps.size else None,
+        late_1=float((steps > _LATE * middle).mean()) if known else None,
     )

@@ -89,9 +89,9 @@ def matched(
     found: dict[int, CycleVerdict] = {}
     for verdict in sorted(verdicts, key=lambda v: v.time.astimezone(dt.UTC)):
         at = _seconds(verdict.id)
-        near = [] if at is None else [k for k, t in enumerate(times) if t is not None]
-        best = min(near, key=lambda k: abs((times[k] or 0.0) - (at or 0.0)), default=None)
-        if best is None or at is None or abs((times[best] or 0.0) - at) > _SAME_S:
+        away = {} if at is None else {k: abs(t - at) for k, t in enumerate(times) if t is not None}
+        best = min(away, key=away.__getitem__, default=None)
+        if best is None or away[best] > _SAME_S:
             raise ReviewError(
                 f"{path / VERDICTS}: no cycle '{verdict.id}' among {counted(ids.len(), 'cycle')}; "
                 "take the id from ledger.csv"

@@ -116,6 +116,7 @@ def _empty(span: str | None) -> list[str]:
 def print_answer(answer: "Answer", goal: float | None = None) -> None:
     """Print a table of masses, and the verdict check by check, on stdout."""
     from recordings.planar_text import planar_lines
+    from recordings.worth_text import shift_lines
     from replay.commands.printing import console, print_line, print_table
 
     screen, verdict = console(), answer.verdict
@@ -136,6 +137,7 @@ def print_answer(answer: "Answer", goal: float | None = None) -> None:
         for row in answer.rows:
             print_table(screen, _masses(row, verdict))
     for line in (
+        *shift_lines(answer),
         *planar_lines(answer.planar),
         *(f"lost: {loss}" for loss in answer.losses),
         *(f"note: {note}" for note in answer.notes),

@@ -70,8 +70,10 @@ def test_a_name_says_the_dtype():
     words += ("term", "unit", "cause", "shrinks", "said", "calibrated_reason")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
     words += ("run_id", "load", "day", "log", "left_out_for", "log_sha256", "recording")
-    whole += ("readings", "reading", "rejected")
-    truths += ("braking_left_out", "scatter_known", "empty", "used")
+    whole += ("readings", "reading", "rejected", "cycle", "cycles", "cycles_counted")
+    whole += ("cycles_rejected", "cycles_without_mass", "loaded_id", "empty_before_id")
+    whole += ("empty_after_id",)
+    truths += ("braking_left_out", "scatter_known", "empty", "used", "counted")
     dtypes = {
         **dict.fromkeys(whole, pl.Int64),
         **dict.fromkeys(words, pl.String),
@@ -149,4 +151,4 @@ def test_phases_and_reasons_are_those_of_the_design():
         "turning",
     )
     assert REASONS[0] == "accepted"
-    assert len(set(REASONS)) == 14
+    assert len(set(REASONS)) == 15

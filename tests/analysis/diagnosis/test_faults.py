@@ -92,7 +92,7 @@ FAULTS = {
     "misfit": lambda: situation("brakes release in 0.5 s"),
     "braking": lambda: weighed({}, BRAKING_AS_DRIVING),
     "channel_noise": lambda: situation("force clipped"),
-    "relative_u": lambda: situation("digging"),
+    "relative_u": lambda: situation("force clipped"),
     "scatter": lambda: situation("250 kg more at every second start"),
     "methods": lambda: situation("Coulomb friction 300 N", rich=True),
     "gated": lambda: situation("speed late 30 ms"),

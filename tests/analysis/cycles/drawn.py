@@ -1,0 +1,81 @@
+"""Loads and manoeuvres of a shift that is drawn rather than driven: cycles of 100 s."""
+
+import numpy as np
+import polars as pl
+
+from analysis.schema import build
+
+NS = 10**9
+PERIOD_S = 100.0
+
+
+def drawn_shift(
+    payloads_kg: list[float],
+    *,
+    carried_kg: list[float] | None = None,
+    noise_kg: float = 0.0,
+    seed: int = 1,
+    digs: bool = True,
+    unseen: tuple[int, ...] = (),
+) -> dict[str, pl.DataFrame]:
+    """Frames of a shift: two empty starts, digging, two loaded starts, a dump, again and again.
+
+    Args:
+        payloads_kg: dumped in each cycle.
+        carried_kg: what stays after each dump.
+        noise_kg: of a manoeuvre.
+        seed: of that.
+        digs: whether digging is seen.
+        unseen: cycles of whose load no start tells a mass.
+    """
+    random = np.random.default_rng(seed)
+    carried = carried_kg or [0.0] * len(payloads_kg)
+    rows: list[tuple[float, float]] = []
+    dug: list[tuple[float, float]] = []
+    before = 0.0
+    for number, (payload, after) in enumerate(zip(payloads_kg, carried, strict=True)):
+        begin = number * PERIOD_S
+        rows += [(begin + 5.0, 3600.0 + before), (begin + 20.0, 3600.0 + before)]
+        dug.append((begin + 40.0, begin + 44.0))
+        if number not in unseen:
+            rows += [
+                (begin + 50.0, 3600.0 + payload + after),
+                (begin + 65.0, 3600.0 + payload + after),
+            ]
+        before = after
+    rows.append((len(payloads_kg) * PERIOD_S + 5.0, 3600.0 + before))
+    start = np.array([s for s, _ in rows])
+    mass = np.array([m for _, m in rows])
+    state = np.cumsum(np.append(0, np.abs(np.diff(mass)) > 50.0))
+    manoeuvres = build(
+        "manoeuvres",
+        {
+            "load_id": state,
+            "start_t_ns": (start * NS).astype(np.int64),
+            "end_t_ns": ((start + 10.0) * NS).astype(np.int64),
+            "mass_kg": mass + random.normal(0.0, noise_kg, mass.size),
+            "mass_std_kg": np.full(mass.size, max(noise_kg, 1.0)),
+        },
+    )
+    loads = pl.DataFrame(
+        {"load_id": np.unique(state), "scatter_kg": 0.0, "withheld": False, "withheld_for": ""}
+    )
+    t_ns = np.arange(0, int((start[-1] + 15.0) * NS), NS // 10)
+    seconds = t_ns / NS % PERIOD_S
+    still = (seconds > 77.0) & (seconds < 90.0)
+    spans = dug if digs else []
+    return {
+        "manoeuvres": manoeuvres,
+        "loads": loads,
+        "digging": build(
+            "digging",
+            {
+                "start_t_ns": pl.Series([int(a * NS) for a, _ in spans], dtype=pl.Int64),
+                "end_t_ns": pl.Series([int(b * NS) for _, b in spans], dtype=pl.Int64),
+            },
+        ),
+        "excitation": pl.DataFrame(
+            {"t_ns": t_ns, "phase": np.where(still, "standstill", "cruising")}
+        ),
+        "aligned": pl.DataFrame({"t_ns": t_ns, "gap": np.zeros(t_ns.size, np.bool_)}),
+    }

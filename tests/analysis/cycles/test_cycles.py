@@ -1,0 +1,158 @@
+"""Cycles out of load states: payloads, carry-back, and what is said where there is no mass."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.check import Verdict
+from analysis.cycles.cycles import cycles
+from analysis.cycles.lost import holes, lost_cycles
+from analysis.cycles.shift import recounted, shift
+from analysis.cycles.target import check_target
+from analysis.schema import FRAMES
+from replay import load_machine
+from tests.analysis.cycles.drawn import NS, drawn_shift
+
+MACHINE = load_machine(Path("cat262c.toml"))
+FINE = Verdict(())
+
+
+def found(frames: dict[str, pl.DataFrame]) -> pl.DataFrame:
+    return cycles(None, frames, MACHINE, FINE)
+
+
+def summed(frames: dict[str, pl.DataFrame]) -> dict[str, float]:
+    return shift(found(frames), frames["excitation"], frames["aligned"]).row(0, named=True)
+
+
+@given(st.lists(st.floats(200.0, 1100.0), min_size=2, max_size=30))
+def test_what_is_dumped_is_the_payload_and_the_sum_is_that_of_the_shift(
+    payloads: list[float],
+) -> None:
+    frames = drawn_shift(payloads)
+    assert found(frames)["payload_kg"].to_list() == pytest.approx(payloads)
+    assert summed(frames)["payload_kg"] == pytest.approx(sum(payloads))
+
+
+@given(st.lists(st.floats(500.0, 1100.0), min_size=2, max_size=30))
+def test_loads_that_are_alike_are_told_without_any_digging(payloads: list[float]) -> None:
+    assert found(drawn_shift(payloads, digs=False))["payload_kg"].to_list() == pytest.approx(
+        payloads
+    )
+
+
+def test_a_payload_is_what_was_dumped_not_what_was_loaded_where_some_is_carried_back() -> None:
+    payloads, carried = [700.0, 650.0, 720.0, 690.0, 710.0], [40.0, 0.0, 60.0, 10.0, 0.0]
+    table = found(drawn_shift(payloads, carried_kg=carried))
+    assert table["payload_kg"].to_list() == pytest.approx(payloads, abs=3.0)
+    assert table["carry_back_kg"].to_list() == pytest.approx(carried, abs=6.0)
+
+
+def test_empty_passes_that_are_alike_count_by_half_each() -> None:
+    table = found(drawn_shift([700.0] * 6))
+    assert table["tare_before_1"].to_list() == pytest.approx([*[0.5] * 5, 2 / 3])
+
+
+def test_times_are_told_and_follow_one_another() -> None:
+    table = found(drawn_shift([700.0, 600.0, 800.0]))
+    assert table["dump_t_ns"].to_list() == pytest.approx(
+        [int(t * NS) for t in (83.5, 183.5, 283.5)], abs=NS
+    )
+    assert table["return_s"].to_list()[1:] == pytest.approx([50.0, 50.0], abs=1.0)
+    assert table["load_s"].to_list() == pytest.approx([10.0] * 3)
+    assert table["haul_s"].to_list() == pytest.approx([27.0] * 3, abs=1.0)
+
+
+def test_a_cycle_whose_load_no_start_tells_is_listed_without_a_mass_and_with_the_reason() -> None:
+    frames = drawn_shift([700.0, 650.0, 720.0, 690.0], unseen=(2,))
+    table = found(frames)
+    assert table.height == 4
+    assert table["payload_kg"].is_null().to_list() == [False, False, True, False]
+    assert table["withheld_for"][2] == "no start with this load tells a mass"
+    assert summed(frames)["cycles_without_mass"] == 1
+
+
+def test_a_load_that_is_not_dumped_in_the_recording_is_not_counted() -> None:
+    frames = drawn_shift([700.0, 650.0, 720.0])
+    frames["manoeuvres"] = frames["manoeuvres"].head(-1)
+    table = found(frames)
+    assert table["quality"].to_list() == ["good", "good", "not dumped"]
+    assert table["counted"].to_list() == [True, True, False]
+
+
+def test_one_load_throughout_is_no_cycle() -> None:
+    frames = drawn_shift([700.0])
+    frames["manoeuvres"] = frames["manoeuvres"].head(2)
+    frames["loads"] = frames["loads"].head(1)
+    assert found(frames).is_empty()
+    assert summed(frames)["cycles"] == 0
+
+
+@pytest.mark.parametrize("noise_kg", [5.0, 30.0])
+def test_intervals_of_payloads_and_of_the_sum_hold_what_they_say(noise_kg: float) -> None:
+    held: list[bool] = []
+    sums: list[float] = []
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        payloads = random.normal(700.0, 80.0, 12).clip(350.0).tolist()
+        carried = random.exponential(10.0, 12).clip(0.0, 60.0).tolist()
+        frames = drawn_shift(payloads, carried_kg=carried, noise_kg=noise_kg, seed=seed)
+        table = found(frames)
+        off = np.abs(table["payload_kg"].to_numpy() - payloads)
+        held += (off < 2.0 * table["payload_u_kg"].to_numpy()).tolist()
+        row = shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
+        sums.append((row["payload_kg"] - sum(payloads)) / row["payload_u_kg"])
+    assert 0.92 < np.mean(held) < 0.99
+    assert 0.8 < np.sqrt(np.mean(np.square(sums))) < 1.25
+
+
+def test_common_parts_do_not_average_out_and_random_ones_do() -> None:
+    one, many = (found(drawn_shift([700.0] * n, noise_kg=5.0)) for n in (2, 32))
+    sums = []
+    for table in (one, many):
+        common = table.with_columns(payload_u_common_kg=pl.lit(7.0))
+        columns = FRAMES["shift"].columns
+        blank = pl.DataFrame({c.name: pl.Series([None], dtype=c.dtype) for c in columns})
+        sums.append(recounted(blank, common).row(0, named=True))
+    few, lots = sums
+    assert lots["payload_u_common_kg"] == pytest.approx(16 * few["payload_u_common_kg"])
+    assert lots["payload_u_random_kg"] < 6 * few["payload_u_random_kg"]
+
+
+def test_a_rejected_cycle_is_not_in_the_sum() -> None:
+    frames = drawn_shift([700.0, 600.0, 800.0])
+    table = found(frames)
+    whole = shift(table, frames["excitation"], frames["aligned"])
+    row = recounted(whole, table, [2]).row(0, named=True)
+    assert row["payload_kg"] == pytest.approx(1500.0)
+    assert (row["cycles_counted"], row["cycles_rejected"]) == (2, 1)
+
+
+def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None:
+    frames = drawn_shift([700.0] * 20)
+    table, aligned = found(frames), frames["aligned"]
+    t_s = aligned["t_ns"].to_numpy() / NS
+    for length, expected in ((10.0, 0.0), (427.0, 4.0)):
+        gap = pl.Series("gap", (t_s > 500.0) & (t_s < 500.0 + length))
+        gaps = holes(frames["excitation"], aligned.with_columns(gap))
+        lost = lost_cycles(table, gaps)
+        assert lost.cycles == pytest.approx(expected, abs=0.02)
+        assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)
+
+
+@pytest.mark.parametrize(
+    ("payloads", "keeps"),
+    [([100.0] * 10, True), ([90.0] * 9 + [115.0], True), ([90.0] * 8 + [115.0] * 2, False),
+     ([90.0] * 9 + [121.0], False), ([101.0] * 10, False)],
+)  # fmt: skip
+def test_a_tenth_may_be_above_110_percent_none_above_120_and_the_mean_at_the_target(
+    payloads: list[float], keeps: bool
+) -> None:
+    table = pl.DataFrame({"payload_kg": payloads, "payload_u_kg": [0.1] * len(payloads)})
+    judged = check_target(table, 100.0)
+    assert judged is not None
+    assert judged.keeps is keeps

@@ -1,0 +1,76 @@
+"""Starts into a pile are told from starts of heavy, stiff or slow machines."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.digging import digging, without_digging
+from replay import load_machine
+
+MACHINE = load_machine(Path("cat262c.toml"))
+RATE_HZ = 100
+
+
+def starts(
+    masses_kg: list[float], friction_N_s_m: float, constant_N: float, piles_N: list[float]
+) -> pl.DataFrame:
+    """One start a mass, its force what the equation asks for, and a pile's resistance on top."""
+    parts: list[pl.DataFrame] = []
+    random = np.random.default_rng(1)
+    for mass, pile in zip(masses_kg, piles_N, strict=True):
+        t = np.arange(0.0, 4.0, 1.0 / RATE_HZ)
+        acceleration = 1.5 * np.exp(-t / 1.2)
+        if pile:  # it slows down again
+            acceleration = 2.0 * np.exp(-t / 0.5) - 0.2
+        speed = np.cumsum(acceleration) / RATE_HZ
+        force = mass * acceleration + friction_N_s_m * speed + constant_N + pile * t / 4.0
+        moving = pl.DataFrame(
+            {
+                "regressor_acc_x_m_s2": acceleration,
+                "speed_x_m_s": speed,
+                "force_x_N": force + random.normal(0.0, 30.0, t.size),
+                "phase": ["accelerating"] * t.size,
+            }
+        )
+        stand = pl.DataFrame(
+            {name: np.zeros(300) for name in moving.columns if name != "phase"}
+        ).with_columns(phase=pl.lit("standstill"))
+        parts += [stand, moving]
+    frame = pl.concat(parts)
+    return frame.with_columns(t_ns=pl.int_range(frame.height) * (10**9 // RATE_HZ))
+
+
+@given(
+    st.lists(st.floats(3600.0, 4700.0), min_size=3, max_size=6),
+    st.floats(0.0, 2000.0),
+    st.floats(0.0, 1000.0),
+)
+def test_no_start_without_a_pile_digs(
+    masses: list[float], friction: float, constant: float
+) -> None:
+    frame = starts(masses, friction, constant, [0.0] * len(masses))
+    assert digging(frame, MACHINE).is_empty()
+
+
+def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() -> None:
+    frame = starts([3600.0, 3900.0, 4300.0], 400.0, 150.0, [0.0, 4000.0, 0.0])
+    digs = digging(frame, MACHINE)
+    assert digs.height == 1
+    assert digs["start_t_ns"][0] == pytest.approx(10.0e9, abs=0.1e9)
+    gated = pl.DataFrame(
+        {
+            "t_ns": frame["t_ns"],
+            "accepted_x": [True] * frame.height,
+            "reason_x": ["accepted"] * frame.height,
+        }
+    )
+    left = without_digging(gated, frame, digs, MACHINE)
+    seconds = left["t_ns"] / 1e9
+    refused = left.filter(~pl.col("accepted_x"))
+    assert set(refused["reason_x"]) == {"digging"}
+    assert left.filter(seconds.is_between(10.5, 13.5))["accepted_x"].any() is False
+    assert left.filter(seconds < 9.0)["accepted_x"].all()

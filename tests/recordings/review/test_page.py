@@ -1,0 +1,53 @@
+"""The page by itself: its size, and that whatever a log brings is escaped."""
+
+import polars as pl
+
+from analysis.run import InputFile
+from recordings.review.ledger import ledger
+from recordings.review.page import ReviewPage, review_html
+from recordings.review.state import ReviewState, TopicSampling
+from tests.analysis.cycles.drawn import drawn_shift
+from tests.analysis.cycles.test_cycles import found, summed
+
+BAD = '"><img src=x onerror=alert(1)></script>'
+
+
+def page(cycles: int, text: str) -> str:
+    frames = drawn_shift([700.0] * cycles, noise_kg=20.0)
+    state = ReviewState(
+        key="",
+        recording_sha256="",
+        inputs=(InputFile(name=text, sha256="0" * 64, size_bytes=1),),
+        resolved={},
+        t0_unix_ns=1_700_000_000 * 10**9,
+        machine=text,
+        begins=text,
+        can_weigh=True,
+        failed=(),
+        losses=(text,),
+        notes=(text,),
+        gate_shares={"accepted": 1.0},
+        gaps_s=((10.0, 20.0),),
+        sampling=(
+            TopicSampling(topic=text, messages=1, rate_hz=None, longest_s=None, late_1=None),
+        ),
+        friction=(100.0, 1.0),
+        digs=cycles,
+        scale_unknown="",
+    )
+    rows = ledger(found(frames), state.t0_unix_ns, {})
+    track = pl.DataFrame({"latitude_deg": [49.0, 49.001], "longitude_deg": [8.0, 8.001]})
+    changes = [(text, text, text)]
+    return review_html(ReviewPage(state, rows, summed(frames), None, changes, text, track))
+
+
+def test_four_hundred_cycles_are_less_than_two_megabytes() -> None:
+    assert len(page(400, "log").encode()) < 2_000_000
+
+
+def test_whatever_a_log_brings_is_escaped() -> None:
+    shown = page(3, BAD)
+    assert BAD not in shown
+    assert shown.count("<img") == 0
+    assert shown.count("<script>") == 1
+    assert shown.count("&lt;img src=x") >= 8

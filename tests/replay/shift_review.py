@@ -1,0 +1,55 @@
+"""A short simulated shift for the tests of its review: logs, a machine file, the truth."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from analysis.simulation import Scenario
+from replay.simulate import log_paths, shift_truth_path, simulate
+
+SCENARIO = Scenario.model_validate(
+    {
+        "shift": {
+            "duration_h": 0.15,
+            "logs": 2,
+            "restart_s": 2.0,
+            "damaged_logs": 1,
+            "damage_share": 0.01,
+            "topics": ["boom", "gnss"],
+            "idle_share": 0.0,
+        },
+        "sensors": {"seed": 7},
+    }
+)
+CHANNELS = """
+[channels.boom_rad]
+topic = "/boom/angles"
+field = "position[boom]"
+
+[channels.pitch_rad]
+topic = "/imu/data"
+derive = "pitch(orientation)"
+
+[channels.latitude_deg]
+topic = "/gnss/fix"
+field = "latitude"
+
+[channels.longitude_deg]
+topic = "/gnss/fix"
+field = "longitude"
+"""
+#: What a stranger may name a machine.
+HOSTILE = "<script>alert(1)</script>"
+_SHIPPED = Path(__file__).resolve().parents[2] / "replay/machines/cat262c.toml"
+
+
+def shift_folder(folder: Path) -> tuple[list[Path], Path, dict[str, Any]]:
+    """The logs, the machine file and what is true."""
+    simulate(SCENARIO, folder / "shift.mcap")
+    machine = folder / "yard.toml"
+    shipped = _SHIPPED.read_text(encoding="utf-8")
+    machine.write_text(
+        shipped.replace('name = "Cat 262C"', f'name = "{HOSTILE}"') + CHANNELS, encoding="utf-8"
+    )
+    truth = json.loads(shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
+    return log_paths(SCENARIO, folder / "shift.mcap"), machine, truth

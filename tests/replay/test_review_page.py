@@ -1,0 +1,141 @@
+"""The page of a review in a real browser: one file, sortable and copied from by mouse and keys."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from replay.review import ReviewOptions, review
+from tests.replay.shift_review import HOSTILE, shift_folder
+
+PHONE, DESK = 380, 1280
+SCREENS = [(PHONE, "light"), (PHONE, "dark"), (DESK, "light"), (DESK, "dark")]
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("page")
+    logs, machine, _ = shift_folder(folder)
+    made = review(logs, machine, folder / "review", ReviewOptions(target_kg=700.0))
+    return made.folder / "review.html"
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    found = shutil.which("chromium")
+    if found is None:
+        pytest.skip("chromium: not installed (Debian package chromium)")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=found, args=["--no-sandbox", "--disable-gpu"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium: Any, page_file: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
+    """The page, what it asked for and what it complained of."""
+    width, scheme = request.param
+    context = chromium.new_context(
+        viewport={"width": width, "height": 800},
+        color_scheme=scheme,
+        offline=True,
+        permissions=["clipboard-read", "clipboard-write"],
+    )
+    page: Any = context.new_page()
+    page.asked, page.complaints = [], []
+    page.on("request", lambda request: page.asked.append(request.url))
+    page.on("console", lambda message: page.complaints.append(message.text))
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.goto(page_file.as_uri())
+    yield page
+    context.close()
+
+
+@pytest.mark.parametrize("opened", SCREENS, indirect=True, ids=lambda s: f"{s[0]} {s[1]}")
+def test_the_page_needs_nothing_complains_of_nothing_and_is_accessible(
+    opened: Any, page_file: Path
+) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    assert opened.asked == [page_file.as_uri()]
+    found = Axe().run(opened).response["violations"]
+    assert not [each["id"] for each in found if each["impact"] in ("serious", "critical")]
+    assert not opened.complaints
+    assert HOSTILE in opened.evaluate("document.querySelector('h1').textContent")
+
+
+@pytest.mark.parametrize("opened", [(PHONE, "light")], indirect=True)
+def test_on_a_phone_the_page_scrolls_down_only_and_its_texts_can_be_read(opened: Any) -> None:
+    assert opened.evaluate("document.documentElement.scrollWidth") <= PHONE
+    cut = opened.evaluate(
+        """[...document.querySelectorAll("svg")].flatMap(svg => {
+           const edge = svg.getBoundingClientRect();
+           return [...svg.querySelectorAll("text")].filter(text => {
+             const box = text.getBoundingClientRect();
+             return box.left < edge.left - 1 || box.right > edge.right + 1
+               || box.bottom > edge.bottom + 1 || box.height < 10
+           }).map(text => text.textContent) })"""
+    )
+    assert cut == []
+
+
+def payloads(page: Any) -> list[float]:
+    cells = (
+        "[...document.querySelectorAll('#cycles tbody tr')].map(r => Number(r.cells[2].dataset.v))"
+    )
+    return page.evaluate(cells)
+
+
+@pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
+def test_the_table_is_sorted_by_mouse_and_by_keys(opened: Any) -> None:
+    head = opened.locator("#cycles th button", has_text="payload kg")
+    head.click()
+    assert payloads(opened) == sorted(payloads(opened))
+    assert head.locator("..").get_attribute("aria-sort") == "ascending"
+    head.focus()
+    opened.keyboard.press("Enter")
+    assert payloads(opened) == sorted(payloads(opened), reverse=True)
+    assert "most first" in opened.locator("#said").text_content()
+
+
+@pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
+def test_every_cycle_has_the_command_that_opens_it_copied_by_a_click_and_by_a_key(
+    opened: Any,
+) -> None:
+    from playwright.sync_api import expect
+
+    commands = opened.locator("#cycles .copy")
+    assert commands.count() == len(payloads(opened))
+    for number, act in ((0, "click"), (1, "key")):
+        one = commands.nth(number)
+        if act == "click":
+            one.click()
+        else:
+            one.focus()
+            opened.keyboard.press("Space")
+        expect(opened.locator("#said")).to_have_text(f"copied: {one.text_content()}")
+        copied = opened.evaluate("navigator.clipboard.readText()")
+        assert copied == one.text_content()
+        assert copied.startswith("payscope view shift.rrd --at ")
+
+
+@pytest.mark.parametrize("opened", [(DESK, "light")], indirect=True)
+def test_figures_and_tables_have_names(opened: Any) -> None:
+    figures = opened.evaluate(
+        '[...document.querySelectorAll("svg")].map(s => s.querySelector("title").textContent)'
+    )
+    assert figures == [
+        "Payloads in time",
+        "Distribution of payloads",
+        "Share of time by the gate's reason",
+        "Track",
+    ]
+    assert opened.evaluate(
+        'document.querySelectorAll("table").length == document.querySelectorAll("caption").length'
+    )
