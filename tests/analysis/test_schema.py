@@ -8,6 +8,7 @@ from analysis.schema import (
     CHANNEL_COLUMNS,
     FRAMES,
     PHASES,
+    QUALITIES,
     REASONS,
     build,
     conform,
@@ -81,6 +82,7 @@ def test_a_name_says_the_dtype():
         **dict.fromkeys(("reason", "reason_x", "reason_z"), pl.Enum(REASONS)),
         "phase": pl.Enum(PHASES),
         "axis": pl.Enum(["x", "z"]),
+        "quality": pl.Enum(QUALITIES),
         "source": pl.Enum(["standstill", "differences", "setting"]),
     }
     for frame, column in COLUMNS:
