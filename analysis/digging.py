@@ -1,8 +1,8 @@
 """Starts against something that pushes back: a bucket driven into a pile.
 
-Their force does not only accelerate what is weighed, and the bucket fills while they last, so they
-tell no mass; together they would bend what all starts share. A resistance that is there from the
-beginning (soft ground, a slope without a pitch) is not meant: only one that grows.
+Their force does not only accelerate what is weighed, and the bucket fills while they last, so
+nothing is told of a mass; together they would bend what all starts share. A resistance that is
+there from the beginning (soft ground, a slope without a pitch) is not meant: only one that grows.
 """
 
 from typing import Final

@@ -153,7 +153,6 @@ TABS: Final = (
         "Cycles",
         (
             _band("Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"),
-            _band("Carried back", "cycles", "carry_back_kg", "carry_back_u_kg", "carried back ± u"),
             _states("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),
@@ -378,7 +377,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "cycle start_t_ns end_t_ns dig_t_ns dump_t_ns return_s load_s haul_s dump_s manoeuvres "
             "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "
             "empty_after_id empty_after_kg empty_after_u_kg tare_before_1 "
-            "payload_u_random_kg payload_u_common_kg counted reason"
+            "payload_u_random_kg payload_u_common_kg carry_back_kg carry_back_u_kg counted remark"
         ),
         "shift": (
             "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "

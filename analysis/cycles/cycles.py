@@ -67,7 +67,7 @@ def cycles(
             row |= _masses(part, found, share, common_1, cleanest)
             row["manoeuvres"] = int(counts[part.loaded])
         row["quality"], row["counted"] = _quality(row, part)
-        row["reason"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
+        row["remark"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
     return _frame(rows)

@@ -209,7 +209,7 @@ def _row(row: Mapping[str, Any]) -> Mapping[str, Any]:
         value = row[name]
         value = K * value if name == "payload_u_kg" and value is not None else value
         cells.append(("–", "") if value is None else (f"{value:,.0f}", f"{value:.3f}"))
-    remark = [row["reason"]]
+    remark = [row["remark"]]
     if row["author"]:
         remark.append(
             f"{'rejected, ' if row['rejected'] else ''}{row['author']}, {row['said']}"

@@ -8,6 +8,7 @@ from analysis.schema import (
     CHANNEL_COLUMNS,
     FRAMES,
     PHASES,
+    QUALITIES,
     REASONS,
     build,
     conform,
@@ -71,13 +72,17 @@ def test_a_name_says_the_dtype():
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
     words += ("run_id", "load", "day", "log", "left_out_for", "log_sha256", "recording")
     whole += ("readings", "reading", "rejected")
-    truths += ("braking_left_out", "scatter_known", "empty", "used")
+    whole += ("cycle", "cycles", "cycles_counted", "cycles_rejected", "cycles_without_mass")
+    whole += ("loaded_id", "empty_before_id", "empty_after_id")
+    words += ("remark",)
+    truths += ("braking_left_out", "scatter_known", "empty", "used", "counted")
     dtypes = {
         **dict.fromkeys(whole, pl.Int64),
         **dict.fromkeys(words, pl.String),
         **dict.fromkeys(truths, pl.Boolean),
         **dict.fromkeys(("reason", "reason_x", "reason_z"), pl.Enum(REASONS)),
         "phase": pl.Enum(PHASES),
+        "quality": pl.Enum(QUALITIES),
         "axis": pl.Enum(["x", "z"]),
         "source": pl.Enum(["standstill", "differences", "setting"]),
     }
@@ -149,4 +154,4 @@ def test_phases_and_reasons_are_those_of_the_design():
         "turning",
     )
     assert REASONS[0] == "accepted"
-    assert len(set(REASONS)) == 14
+    assert len(set(REASONS)) == 15
