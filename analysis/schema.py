@@ -386,7 +386,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("payload_u_common_kg", "kg", "the part that all cycles share"),
                 _f("payload_u_kg", "kg", "standard uncertainty, both"),
                 _f("carry_back_kg", "kg", "empty pass after less the cleanest empty ones"),
-                _f("carry_back_u_kg", "kg", "its standard uncertainty"),
+                _f("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),
                 Column("quality", QUALITY, "1", "what the payload is worth"),
                 Column("counted", pl.Boolean, "1", "whether it is in the sum of the shift"),
                 Column(

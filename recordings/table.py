@@ -153,7 +153,6 @@ TABS: Final = (
         "Cycles",
         (
             _band("Payload of each cycle", "cycles", "payload_kg", "payload_u_kg", "payload ± u"),
-            _band("Carried back", "cycles", "carry_back_kg", "carry_back_u_kg", "carried back ± u"),
             _states("Cycle", ("cycles", "quality", "cycle")),
             _SPEED,
         ),

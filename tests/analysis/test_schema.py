@@ -81,6 +81,7 @@ def test_a_name_says_the_dtype():
         **dict.fromkeys(truths, pl.Boolean),
         **dict.fromkeys(("reason", "reason_x", "reason_z"), pl.Enum(REASONS)),
         "phase": pl.Enum(PHASES),
+        "quality": pl.Enum(QUALITIES),
         "axis": pl.Enum(["x", "z"]),
         "quality": pl.Enum(QUALITIES),
         "source": pl.Enum(["standstill", "differences", "setting"]),

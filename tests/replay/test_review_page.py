@@ -49,7 +49,7 @@ def opened(chromium: Any, page_file: Path, request: pytest.FixtureRequest) -> It
     )
     page: Any = context.new_page()
     page.asked, page.complaints = [], []
-    page.on("request", lambda request: page.asked.append(request.url))
+    page.on("request", lambda each: page.asked.append(each.url))
     page.on("console", lambda message: page.complaints.append(message.text))
     page.on("pageerror", lambda error: page.complaints.append(str(error)))
     page.goto(page_file.as_uri())
