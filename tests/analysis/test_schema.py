@@ -83,7 +83,6 @@ def test_a_name_says_the_dtype():
         "phase": pl.Enum(PHASES),
         "quality": pl.Enum(QUALITIES),
         "axis": pl.Enum(["x", "z"]),
-        "quality": pl.Enum(QUALITIES),
         "source": pl.Enum(["standstill", "differences", "setting"]),
     }
     for frame, column in COLUMNS:
