@@ -139,6 +139,12 @@ class Equation:
         return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
 
     @property
+    def about_kg(self) -> float:
+        """The force that this log drives with over the acceleration that it reaches, in kg."""
+        reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
+        return self.largest_force / reached if reached else 0.0
+
+    @property
     def both_ways(self) -> bool:
         """Whether it drives forwards and in reverse."""
         forwards = float((self.direction[self.used] > 0).mean())

@@ -9,7 +9,7 @@ from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.kinematics import Kinematics, kinematics
-from analysis.weighing.nuisances import NUISANCES, Nuisance, offset_in_const
+from analysis.weighing.nuisances import NUISANCES, Nuisance, const_width, offset_in_const
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators import prior_fit
 from estimators.changepoints import Units, units_of
@@ -23,6 +23,8 @@ _ROUNDS: Final = 4
 _PILOT_ROUNDS: Final = 2
 #: Likewise of load states and the fit that takes the nuisances off.
 _STATE_ROUNDS: Final = 4
+#: A mass of less, as a share of force over acceleration, is none.
+_LEAST: Final = 0.1
 #: With more noise than this in a direction of its columns a mean is too short.
 _MOST_NOISE: Final = 0.3
 _NEARLY: Final = 1.1
@@ -37,6 +39,8 @@ _TRIED: Final = 24
 _SHORT_LAG_S: Final = 0.003
 #: A lag that changes by less is found.
 _LAG_FOUND_S: Final = 1e-4
+#: So many widths of its prior an offset is taken off the force, at most.
+_MOST_OFFSET: Final = 3.0
 #: A lag is looked for up to here.
 _LONGEST_LAG_S: Final = 0.3
 #: What the wheels say of slip is never trusted beyond this share of its prior.
@@ -256,6 +260,8 @@ def joint_fit(
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
     first = [part.fitted(samples, _PILOT_ROUNDS) for samples in lengths]
+    # a lag that is far from made up for may leave no mass at all
+    first = [found for found in first if found.mass_kg > _LEAST * motion.about_kg] or first
     telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
     least_kg = min(found.u_kg for found in telling)
     # the shortest that is nearly as good: a long mean hides what the model misses
@@ -266,7 +272,7 @@ def joint_fit(
         in_time = motion.with_force_moved_back(best.lag_s)
         acting = replace(in_time, force=best.found.acting(in_time))
         whole = replace(whole, wheels=_wheels(acting, noise, priors))
-    share = _averaging_share(first, lengths.index(samples))
+    share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:
         return moved
@@ -419,11 +425,15 @@ class _Task:
         by_name = dict(zip((term.name for term in self.terms), terms.tolist(), strict=True))
         late_s = by_name["lag"]
         lag_s = float(np.clip(before.lag_s + late_s, -_LONGEST_LAG_S, _LONGEST_LAG_S))
+        share, _ = offset_in_const(self.motion, self.priors)
+        width = const_width(self.motion, self.priors)
         after = replace(
             before,
             lag_s=lag_s if shift else 0.0,
             transfer_s2_m=by_name.get("load_transfer", 0.0),
-            offset_N=offset_in_const(self.motion, self.priors)[0] * by_name["const"],
+            offset_N=float(
+                np.clip(share * by_name["const"], -_MOST_OFFSET * width, _MOST_OFFSET * width)
+            ),
             slip_s_m=by_name["slip"],
         )
         return after, abs(late_s)
