@@ -101,7 +101,7 @@ def _bars(fitted: Calibration) -> Drawing:
         + ".",
         int(30 + _ROW * (len(known) + 1)),
     )
-    begin, room = 128.0, WIDTH - 128.0 - 52.0
+    begin, room = 128.0, WIDTH - 128.0 - 72.0
     for number, row in enumerate([*known, None]):
         y = 12.0 + _ROW * number
         u_kg = fitted.u_kg if row is None else row.u_kg or 0.0
