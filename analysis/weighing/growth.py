@@ -14,7 +14,7 @@ from scipy.special import ndtri
 from analysis.weighing.averages import Averages, averages, stride_of
 from analysis.weighing.equation import Floats, Ints, NoiseOfColumns
 from analysis.weighing.joint_fit import JointFit
-from analysis.weighing.states import stretch_units
+from analysis.weighing.states import sample_units, stretch_units
 from estimators.autocorrelation import student_factor
 
 #: A manoeuvre of fewer rows tells nothing of it.
@@ -64,11 +64,13 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
     std_kg = np.sqrt(_variance(fit, noise) / square + usual**2)
     limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
     number = fit.states.unit[told]
-    of_sample = np.full(fit.motion.group.size, -1)
-    of_sample[fit.motion.used] = stretch_units(fit.motion)[fit.motion.group[fit.motion.used]]
+    used, of_sample = np.flatnonzero(fit.motion.used), sample_units(fit.motion)
     return tuple(
         Growth(
-            int(number[k]), int(np.argmax(of_sample == number[k])), float(kg[k]), float(std_kg[k])
+            int(number[k]),
+            int(used[np.argmax(of_sample == number[k])]),
+            float(kg[k]),
+            float(std_kg[k]),
         )
         for k in np.flatnonzero(np.abs(kg) > limit * std_kg)
     )

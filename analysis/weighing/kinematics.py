@@ -166,16 +166,17 @@ def _compared(
     delay_s, about = 0.0, slip_std
     wide = solved(rows, widths(_WIDE_GAIN, about), delay_s)
     largest = _MOST_SLIP / motion.largest_force
-    for _ in range(_PASSES):
+    lines = None
+    for number in range(_PASSES):
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(wide.theta[1], -largest, largest))
         about = abs(slip_1_N) + float(wide.std[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + wide.theta[2], -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
         rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
-        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s)
-    lines = _lines(rows[2])
-    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines)
+        # only the last one's deviations count
+        lines = _lines(rows[2]) if number == _PASSES - 1 else None
+        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines)
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0

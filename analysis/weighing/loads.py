@@ -12,7 +12,7 @@ from analysis.weighing.budget import budget, combined, unknown_scale
 from analysis.weighing.equation import Floats, Ints
 from analysis.weighing.joint_fit import JointFit
 from analysis.weighing.kinematics import TERMS
-from analysis.weighing.states import States, stretch_units
+from analysis.weighing.states import States, sample_units
 from analysis.weighing.weigh import Weighing
 
 #: The lightest state is empty when its mass is the machine's within so many uncertainties,
@@ -74,8 +74,7 @@ def _times(fit: JointFit, excitation: pl.DataFrame) -> list[tuple[int, int]]:
 
 def _places(fit: JointFit, states: States) -> Ints:
     """Of each fitted sample, the place of its manoeuvre among those of the states."""
-    group = fit.motion.group[fit.motion.used]
-    return np.searchsorted(states.unit, stretch_units(fit.motion))[group]
+    return np.searchsorted(states.unit, sample_units(fit.motion))
 
 
 def changes(weighing: Weighing | None) -> list[int]:

@@ -123,15 +123,19 @@ def stretch_units(motion: Equation) -> Ints:
     return number[np.where(last < 0, np.argmax(tells), last)][of]
 
 
+def sample_units(motion: Equation) -> Ints:
+    """The manoeuvre of each fitted sample, (used samples,)."""
+    return stretch_units(motion)[motion.group[motion.used]]
+
+
 def places(motion: Equation) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
         1 where only the masses can, 2 where the boom moved as well.
     """
-    group = stretch_units(motion)[motion.group[motion.used]]
     used = np.flatnonzero(motion.used)
-    next_one = np.flatnonzero(np.diff(group) > 0)
+    next_one = np.flatnonzero(np.diff(sample_units(motion)) > 0)
     if motion.boom is None:
         return np.ones(next_one.size, np.int64)
     between = zip(used[next_one], used[next_one + 1], strict=True)
