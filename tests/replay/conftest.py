@@ -1,6 +1,8 @@
-"""Small logs and machine files for the tests of the command line."""
+"""Small logs and machine files for the tests of the command line, and a browser for its pages."""
 
+import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -53,3 +55,38 @@ def log(tmp_path: Path) -> Path:
     path = tmp_path / "sledge.csv"
     sledge().write_csv(path)
     return path
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    found = shutil.which("chromium")
+    if found is None:
+        pytest.skip("chromium: not installed (Debian package chromium)")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=found, args=["--no-sandbox", "--disable-gpu"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def opened(chromium: Any, page_file: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
+    """The module's `page_file` in a browser, what it asked for and what it complained of."""
+    width, scheme = request.param
+    context = chromium.new_context(
+        viewport={"width": width, "height": 800},
+        color_scheme=scheme,
+        offline=True,
+        permissions=["clipboard-read", "clipboard-write"],
+    )
+    page: Any = context.new_page()
+    page.asked, page.complaints = [], []
+    page.on("request", lambda each: page.asked.append(each.url))
+    page.on("console", lambda message: page.complaints.append(message.text))
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.goto(page_file.as_uri())
+    yield page
+    context.close()

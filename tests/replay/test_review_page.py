@@ -1,7 +1,5 @@
 """The page of a review in a real browser: one file, sortable and copied from by mouse and keys."""
 
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,41 +18,6 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     logs, machine, _ = shift_folder(folder)
     made = review(logs, machine, folder / "review", ReviewOptions(target_kg=700.0))
     return made.folder / "review.html"
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    found = shutil.which("chromium")
-    if found is None:
-        pytest.skip("chromium: not installed (Debian package chromium)")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=found, args=["--no-sandbox", "--disable-gpu"]
-        )
-        yield browser
-        browser.close()
-
-
-@pytest.fixture
-def opened(chromium: Any, page_file: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
-    """The page, what it asked for and what it complained of."""
-    width, scheme = request.param
-    context = chromium.new_context(
-        viewport={"width": width, "height": 800},
-        color_scheme=scheme,
-        offline=True,
-        permissions=["clipboard-read", "clipboard-write"],
-    )
-    page: Any = context.new_page()
-    page.asked, page.complaints = [], []
-    page.on("request", lambda each: page.asked.append(each.url))
-    page.on("console", lambda message: page.complaints.append(message.text))
-    page.on("pageerror", lambda error: page.complaints.append(str(error)))
-    page.goto(page_file.as_uri())
-    yield page
-    context.close()
 
 
 @pytest.mark.parametrize("opened", SCREENS, indirect=True, ids=lambda s: f"{s[0]} {s[1]}")
