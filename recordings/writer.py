@@ -13,6 +13,7 @@ from estimators.errors import OutputError, RecordingError
 from recordings.blueprint import blueprint, text_entity
 from recordings.display import display_frames
 from recordings.output import check_output, whole_file
+from recordings.piped_file import PipedFile, piped_file
 from recordings.reader import FORMAT, PROPERTY, opened
 from recordings.stored import Manifest, StoredFrame
 from recordings.table import ROW, SINCE_START, TIME
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 _ROWS_A_CHUNK: Final = 16_384
 _CHUNKS_A_FLUSH: Final = 10
-#: So long may the file stand still before it counts as stuck.
+#: So long may nothing move before the disk or the viewer counts as stuck.
 _PATIENCE_S: Final = 10.0
 APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"
@@ -55,7 +56,8 @@ def write_recording(
     path = Path(path)
     check_recording(path, force=force)
     with whole_file(path, force=force) as partial:
-        _write(run, partial, path, viewer)
+        with piped_file(partial) as piped:
+            _write(run, piped, path, viewer)
         _verify(run, partial, path)
     return path
 
@@ -71,8 +73,8 @@ def check_recording(path: Path, *, force: bool) -> None:
     check_output(path, force=force)
 
 
-def _write(run: Run, partial: Path, path: Path, viewer: str | None) -> None:
-    # what Rerun would log of a full disk is said in our own line
+def _write(run: Run, piped: PipedFile, path: Path, viewer: str | None) -> None:
+    # what Rerun would log of a viewer that went away is said in our own line
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
@@ -85,7 +87,8 @@ def _write(run: Run, partial: Path, path: Path, viewer: str | None) -> None:
     )
     recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
     watching = [rr.GrpcSink(viewer)] if viewer else []
-    recording.set_sinks(rr.FileSink(partial), *watching)
+    recording.set_sinks(rr.FileSink(piped.name), *watching)
+    piped.opened()
     recording.send_blueprint(blueprint(run, shown), make_active=True, make_default=True)
     recording.send_property(PROPERTY, description)
     recording.send_recording_name(recording_name(run.provenance))
@@ -93,35 +96,31 @@ def _write(run: Run, partial: Path, path: Path, viewer: str | None) -> None:
     for name, text in texts(run).items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         recording.log(text_entity(name), document, static=True)
-    _settle(recording, partial, path)  # what describes the frames first, or a cut file is past help
+    _settle(recording, piped, path)  # what describes the frames first, or a cut file is past help
     drawn = [(StoredFrame.of(name, frame), frame) for name, frame in shown.items()]
     for each, frame in (*drawn, *stored):
         for number, batch in enumerate(_batches(each, frame, run.provenance.t0_unix_ns), start=1):
             index = [ROW] if each.rows_by == ROW else [TIME, SINCE_START]
             recording.send_record_batch(batch, index=index)
             if number % _CHUNKS_A_FLUSH == 0:  # or the queue of chunks grows to the whole frame
-                _settle(recording, partial, path)
-    _settle(recording, partial, path)
+                _settle(recording, piped, path)
+    _settle(recording, piped, path)
     recording.disconnect()
 
 
-def _settle(recording: "RecordingStream", partial: Path, path: Path) -> None:
-    """Wait until what was sent is in the file, as long as the file grows.
-
-    A full disk ends Rerun's writing thread, and to wait for that without a limit is to wait for
-    ever.
-    """
+def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
+    """Wait until what was sent is in the file, as long as the file grows."""
     size = -1
     while True:
+        piped.check()
         try:
             recording.flush(timeout_sec=_PATIENCE_S)
         except RuntimeError as error:
-            grown = partial.stat().st_size if partial.exists() else 0
-            if grown == size:
+            if piped.size == size:
                 raise OutputError(
-                    f"{path}: cannot be written beyond {grown} bytes; is the disk full?"
+                    f"{path}: nothing is written beyond {size} bytes; is the disk or viewer stuck?"
                 ) from error
-            size = grown
+            size = piped.size
         else:
             return
 

@@ -74,9 +74,7 @@ def test_a_disk_that_fills_up_under_a_recording_is_one_line_and_leaves_nothing(
     out.parent.mkdir()
     left = limited(100_000, "run", log, "-m", machine_file, "-o", out)
     assert left.returncode == 2
-    assert left.stderr == (
-        f"payscope: {out}: cannot be written beyond 100000 bytes; is the disk full?\n"
-    )
+    assert left.stderr == f"payscope: {out}: cannot be written (File too large)\n"
     assert list(out.parent.iterdir()) == []
 
 

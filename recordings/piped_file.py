@@ -1,0 +1,92 @@
+"""A file that another library writes by its name, through a pipe, so that we write it ourselves."""
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Thread
+from typing import Final
+
+_BLOCK: Final = 1 << 20
+_DESCRIPTORS: Final = Path("/dev/fd")
+
+
+class PipedFile:
+    """What arrives in the pipe goes to the file; after a fault it goes nowhere.
+
+    Attributes:
+        name: what the library opens for writing, once.
+        fault: why the file cannot be written further, when it cannot.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.fault: OSError | None = None
+        self.name = str(path)
+        self._path = path
+        self._write = -1
+        self._thread: Thread | None = None
+        if _DESCRIPTORS.is_dir():  # elsewhere the library writes the file itself
+            read, self._write = os.pipe()
+            self.name = str(_DESCRIPTORS / str(self._write))
+            self._thread = Thread(target=self._drain, args=(read,), daemon=True)
+            self._thread.start()
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far."""
+        return self._path.stat().st_size if self._path.exists() else 0
+
+    def opened(self) -> None:
+        """The library holds the pipe now: when it closes it, the file ends."""
+        if self._write >= 0:
+            os.close(self._write)
+            self._write = -1
+
+    def wait(self) -> None:
+        """Wait until everything is in the file.
+
+        Raises:
+            OSError: something of it is not.
+        """
+        self.opened()
+        if self._thread is not None:
+            self._thread.join()
+        self.check()
+
+    def check(self) -> None:
+        """Ask for a fault in between.
+
+        Raises:
+            OSError: the file cannot be written further.
+        """
+        if self.fault is not None:
+            raise self.fault
+
+    def _drain(self, read: int) -> None:
+        # a library that has to stop in the middle of its queue may wait for ever: it never has to
+        with open(read, "rb", buffering=0) as source:
+            try:
+                with self._path.open("wb", buffering=0) as file:
+                    while block := source.read(_BLOCK):
+                        rest = memoryview(block)
+                        while rest:
+                            rest = rest[file.write(rest) :]
+            except OSError as error:
+                self.fault = error
+                while source.read(_BLOCK):
+                    pass
+
+
+@contextmanager
+def piped_file(path: Path) -> Generator[PipedFile]:
+    """Write `path` through a pipe; on leaving, all of it is there.
+
+    Raises:
+        OSError: it cannot be written, the disk is full.
+    """
+    piped = PipedFile(path)
+    try:
+        yield piped
+    finally:
+        piped.opened()
+    piped.wait()
