@@ -51,7 +51,7 @@ def _tab(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Containe
 
     plots, shares = list[rrb.View](), list[float]()
     for view in tab.views:
-        drawn = drawn_of(view, run, shown, overview=tab is TABS[0])
+        drawn = drawn_of(view, run, shown)
         if drawn:
             plots.append(_view(view, drawn, run))
             shares.append(_LANE_SHARE if view.kind is Kind.STATES else 1.0)

@@ -1,8 +1,8 @@
-"""What a view draws of a run, and the frames that exist only to be drawn.
+"""What a view draws of a run: frames that exist only to be drawn.
 
 A line must not cross a gap, so sparse rows get an empty row after each stretch; a manoeuvre is
-held over its span; a state is kept where it changes; the overview of a long log has the mean and
-the extremes of every few seconds. These frames lie under `display/` and are never read back.
+held over its span; a state is kept where it changes; of a long log there are the mean and the
+extremes of every few seconds. These frames lie under `display/` and are never read back.
 """
 
 from collections.abc import Iterator, Mapping
@@ -16,18 +16,21 @@ from recordings import colours
 from recordings.table import STATE, TABS, Kind, Series, View, entity_parts, frames_of
 
 ROOT: Final = "display"
+LANES: Final = f"{ROOT}/states"
 _NS: Final = 10**9
-#: A log longer than this opens with decimated series, in bins of 1 to 10 s.
+#: A log longer than this is drawn decimated, in bins of 1 to 10 s.
 LONG_NS: Final = 600 * _NS
 _BINS: Final = 3000
-_SPARSE: Final = ("estimates", "segments", "planar", "loads", "manoeuvres", "cycles")
-#: Too few rows to be decimated.
-_FEW: Final = ("loads", "manoeuvres", "cycles")
+_ENDS: Final = ("min", "max")
+#: A row of these lasts from its start to its end; they are too few to be decimated.
+_HELD: Final = ("segments", "planar", "loads", "manoeuvres", "cycles")
+#: One may be a short start of a shift: too short for a line.
+_SHORT: Final = ("loads", "manoeuvres", "cycles")
 
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """One line, band or lane on the screen: a column of a stored frame and its looks."""
+    """One line, band or lane on the screen: a column of a displayed frame and its looks."""
 
     frame: str
     column: str
@@ -49,7 +52,7 @@ def span_ns(run: Run) -> tuple[int, int] | None:
 
 
 def is_long(run: Run) -> bool:
-    """Whether the overview of this run is decimated."""
+    """Whether this run is drawn decimated."""
     span = span_ns(run)
     return span is not None and span[1] - span[0] > LONG_NS
 
@@ -63,18 +66,14 @@ def series_of(view: View, run: Run) -> Iterator[tuple[Series, str]]:
                 yield series, name
 
 
-def drawn_of(
-    view: View, run: Run, shown: Mapping[str, pl.DataFrame], *, overview: bool = False
-) -> tuple[Drawn, ...]:
+def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[Drawn, ...]:
     """What a view draws of this run.
 
     Args:
         view: the view.
         run: the run.
         shown: its `display_frames`.
-        overview: whether to draw the decimated series, where there are.
     """
-    decimated = overview and is_long(run)
     drawn: list[Drawn] = []
     for number, (series, name) in enumerate(series_of(view, run)):
         if view.kind is Kind.STATES:
@@ -83,17 +82,14 @@ def drawn_of(
         method = entity_parts(name)[1] if series.frame == "estimates" else None
         label = " ".join(filter(None, (method, series.label)))
         colour = colours.method(method) if method else colours.line(number)
-        binned_too = decimated and series.frame not in _FEW
-        frame = _overview_frame(name) if binned_too else _source(series, name)
+        frame = _shown(name)
         variance = _variance(series.std) if series.std else None
-        if binned_too and view.kind is Kind.LINES:
-            for extreme in ("min", "max"):
-                column = f"{series.column}_{extreme}"
-                drawn.append(Drawn(frame, column, f"{label}, {extreme}", colour, faint=True))
+        if view.kind is Kind.LINES and _extreme(series.column, "min") in shown[frame].columns:
+            for end in _ENDS:
+                column = _extreme(series.column, end)
+                drawn.append(Drawn(frame, column, f"{label}, {end}", colour, faint=True))
             label += ", mean"
-        # a load may be one short start of a shift: too short for a line
-        dotted = series.frame in _FEW
-        dotted |= frame in shown and stands_alone(shown[frame][series.column])
+        dotted = series.frame in _SHORT or stands_alone(shown[frame][series.column])
         drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
     if drawn and view.threshold is not None:
         label = f"threshold {_threshold(run, view):g} {view.unit}"
@@ -101,22 +97,35 @@ def drawn_of(
     return tuple(drawn)
 
 
-def display_frames(run: Run) -> dict[str, pl.DataFrame]:
-    """Every frame that exists only to be drawn, by its name under `display/`, with `t_ns`."""
+def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame]:
+    """Every frame that exists only to be drawn, by its name under `display/`, with `t_ns`.
+
+    Args:
+        run: the run.
+        decimate: whether a long run has means and extremes of bins instead of every row.
+    """
     frames: dict[str, pl.DataFrame] = {}
+    asked: dict[str, dict[str, pl.Expr]] = {}
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
         for series, name in series_of(view, run):
             frame = _one_at_a_time(run.frames[name])
             if view.kind is Kind.STATES:
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
-            elif series.frame == "estimates":
-                frames[_source(series, name)] = _broken(_numbers(name, frame), _period_ns(run))
-            elif series.frame in _SPARSE:
-                frames[_source(series, name)] = _held(_numbers(name, frame), frame["end_t_ns"])
+            elif series.frame in _HELD:
+                frames[_shown(name)] = _held(_numbers(name, frame), frame["end_t_ns"])
+            else:
+                asked.setdefault(name, {}).update(_of_bin(view.kind, series))
             if view.threshold is not None and (span := span_ns(run)) is not None:
                 level = [_threshold(run, view)] * 2
                 frames[_threshold_frame(view)] = pl.DataFrame({"t_ns": span, "threshold": level})
-    return frames | (_overviews(run) if is_long(run) else {})
+    for name, wanted in asked.items():
+        if decimate and is_long(run):
+            frames[_shown(name)] = _decimated(run, name, list(wanted.values()))
+        else:
+            numbers = _numbers(name, run.frames[name])
+            sparse = entity_parts(name)[0] == "estimates"
+            frames[_shown(name)] = _broken(numbers, _period_ns(run)) if sparse else numbers
+    return frames
 
 
 def axis_range(view: View, run: Run) -> tuple[float, float] | None:
@@ -138,16 +147,12 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     return low - margin, high + margin
 
 
-def _source(series: Series, name: str) -> str:
-    return f"{ROOT}/{name}" if series.frame in _SPARSE else name
-
-
-def _overview_frame(name: str) -> str:
-    return f"{ROOT}/overview/{name}"
+def _shown(name: str) -> str:
+    return f"{ROOT}/{name}"
 
 
 def _lane(series: Series) -> str:
-    return f"{ROOT}/{series.label}"
+    return f"{LANES}/{series.label}"
 
 
 def _threshold_frame(view: View) -> str:
@@ -156,6 +161,10 @@ def _threshold_frame(view: View) -> str:
 
 def _variance(std: str) -> str:
     return f"{std}_squared"
+
+
+def _extreme(column: str, end: str) -> str:
+    return f"{column}_{end}"
 
 
 def _threshold(run: Run, view: View) -> float:
@@ -182,7 +191,7 @@ def _period_ns(run: Run) -> int:
 
 
 def _numbers(name: str, frame: pl.DataFrame) -> pl.DataFrame:
-    """The numbers of a frame that some view draws, by start time, with variances."""
+    """The numbers of a frame that some view draws, by time or start time, with variances."""
     family = entity_parts(name)[0]
     shown = [s for tab in TABS for view in tab.views for s in view.series if s.frame == family]
     columns = dict.fromkeys(s.column for s in shown if s.column in frame.columns)
@@ -236,33 +245,25 @@ def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.Data
     return states.filter(changed | (pl.int_range(pl.len()) == 0))
 
 
-def _overviews(run: Run) -> dict[str, pl.DataFrame]:
+def _decimated(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     span = span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
-    asked: dict[str, list[pl.Expr]] = {}
-    for view in TABS[0].views:
-        for series, name in series_of(view, run):
-            if series.frame in _FEW:
-                continue
-            if view.kind is Kind.LINES:
-                asked.setdefault(name, []).extend(_extremes(series.column))
-            elif view.kind is Kind.BANDS and series.std is not None:
-                variance = (pl.col(series.std) ** 2).mean().alias(_variance(series.std))
-                asked.setdefault(name, []).extend([pl.col(series.column).mean(), variance])
-    return {
-        _overview_frame(name): binned(run.frames[name], wanted, span, width_ns)
-        for name, wanted in asked.items()
-    }
+    return binned(run.frames[name], wanted, span, width_ns)
 
 
-def _extremes(column: str) -> list[pl.Expr]:
-    numbers = pl.col(column)
-    return [
-        numbers.mean(),
-        numbers.min().alias(f"{column}_min"),
-        numbers.max().alias(f"{column}_max"),
-    ]
+def _of_bin(kind: Kind, series: Series) -> dict[str, pl.Expr]:
+    """What a bin has of a series, by column."""
+    numbers = pl.col(series.column)
+    if kind is Kind.BANDS:
+        mean = {series.column: numbers.mean()}
+        if series.std is None:
+            return mean
+        name = _variance(series.std)
+        return mean | {name: (pl.col(series.std) ** 2).mean().alias(name)}
+    ends = {"min": numbers.min(), "max": numbers.max()}
+    named = {(name := _extreme(series.column, end)): ends[end].alias(name) for end in _ENDS}
+    return {series.column: numbers.mean()} | named
 
 
 def binned(

@@ -13,7 +13,7 @@ from analysis.run import Run
 from estimators.errors import OutputError
 from recordings import colours
 from recordings.display import (
-    ROOT,
+    LANES,
     Drawn,
     axis_range,
     binned,
@@ -78,7 +78,7 @@ def draw_run(run: Run) -> "Figure":
     from matplotlib.figure import Figure
 
     lines = [part for line in summary(run).splitlines() for part in wrap(line, _CHARACTERS) or [""]]
-    shown = display_frames(run)
+    shown = display_frames(run, decimate=False)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_of(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
     heights = [_LINE_IN * (len(lines) + 2), _PANEL_IN * len(views), 2.5 * _PANEL_IN]
@@ -113,10 +113,9 @@ def _draw_views(
     rows = part.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (view, drawn) in zip(rows, views, strict=True):
         for each in drawn:
-            frame = run.frames[each.frame] if each.frame in run.frames else shown[each.frame]
-            _draw(axes, each, frame, span)
+            _draw(axes, each, shown[each.frame], span)
         lane = "gate" if view.threshold else "phase"
-        _shade(axes, shown.get(f"{ROOT}/{lane}"), colours.SHADED[lane])
+        _shade(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
         axes.set_ylabel(view.title.replace(" (", "\n("), fontsize=8)
         axes.tick_params(labelsize=8)
         axes.set_ylim(axis_range(view, run))

@@ -17,13 +17,13 @@ from recordings.stored import Manifest, StoredColumn, StoredFrame
 from recordings.table import component
 
 if TYPE_CHECKING:
-    import pyarrow as pa
     from rerun.chunk import LazyStore
 
 #: The property of a recording that says what payscope wrote into it.
 PROPERTY = "payscope"
-#: Raised whenever what is stored changes its meaning: 2 has settings by stage.
-FORMAT = 2
+#: Raised whenever what is stored changes its meaning: 2 has settings by stage, 3 frames in
+#: blocks.
+FORMAT = 3
 
 
 def read_recording(path: str | Path) -> Run:
@@ -175,32 +175,8 @@ def _described(path: Path, store: "LazyStore") -> tuple[Manifest, Provenance]:
 
 def _read(store: "LazyStore", stored: StoredFrame, columns: Sequence[StoredColumn]) -> pl.DataFrame:
     """Read columns of a frame, rows in the order they were written."""
-    import pyarrow as pa
-
     wanted = [component(column.name) for column in columns]
     # Rerun trims an expression, and an entity may end in a space: ask for what is below it as well
     below = store.stream().filter(content=f"{stored.entity}/**", components=wanted)
     chunks = (chunk for chunk in below if chunk.entity_path == stored.entity)
-    # a row id grows with every row that is written; the store gives chunks in no fixed order
-    batches = sorted((chunk.to_record_batch() for chunk in chunks), key=_first_row_id)
-    if not batches:
-        return pl.DataFrame(schema={column.name: column.polars_dtype for column in columns})
-    series: list[pl.Series] = []
-    for column, name in zip(columns, wanted, strict=True):
-        parts = pa.chunked_array([_flat(batch.column(name), stored.name) for batch in batches])
-        series.append(column.decode(pl.Series(column.name, pl.from_arrow(parts))))
-    return pl.DataFrame(series)
-
-
-def _first_row_id(batch: "pa.RecordBatch") -> bytes:
-    return batch.column(0)[0].as_py()
-
-
-def _flat(lists: "pa.Array", frame: str) -> "pa.Array":
-    """Take the one value out of each list of a column."""
-    flat = lists.flatten()
-    if len(flat) != len(lists):
-        raise RecordingError(
-            f"'{frame}' holds several values in a row, so payscope did not write it"
-        )
-    return flat
+    return stored.from_batches([chunk.to_record_batch() for chunk in chunks], columns)

@@ -1,23 +1,25 @@
-"""How a frame lies in a recording: its entity, its components, and what each column was.
+"""How a frame is kept in a recording: blocks of rows, a column's block as one list.
 
-Rerun forgets empty frames, the order of columns and their dtypes, and it draws a line across a
-null. So a manifest goes into the recording, and a missing number in a column of floats is stored
-as NaN; `raw` fields, which are not drawn and may hold both, keep their nulls.
+Rerun repeats row id and times in every row and an offset in every cell, which for a shift is more
+than the numbers themselves. So a frame that is kept, and not drawn, lies in rows of many values
+each. It forgets empty frames, the order of columns and their dtypes: a manifest goes with them.
 """
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final, Literal, Self
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict
 
 from estimators.errors import OutputError
-from recordings.table import ROW, SINCE_START, TIME, component, entity_parts
+from recordings.table import ROW, component, entity_parts
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+#: Larger ones are slower to write and to read, smaller ones larger.
+BLOCK_ROWS: Final = 65_536
 _DTYPES: Final = {
     str(dtype): dtype
     for dtype in (
@@ -30,11 +32,6 @@ _DTYPES: Final = {
     )
 }
 _ENUM: Final = "Enum"
-_TIME_COLUMNS: Final = ("t_ns", "start_t_ns", "log_time_ns")
-#: Times further out than 146 years from 1970 are left to the row timeline.
-_LATEST_NS: Final = 2**62
-
-RowsBy = Literal["t_ns", "start_t_ns", "log_time_ns", "row"]
 
 
 class StoredColumn(BaseModel):
@@ -45,11 +42,10 @@ class StoredColumn(BaseModel):
     name: str
     dtype: str
     categories: tuple[str, ...] = ()
-    missing: Literal["null", "nan"] = "null"
 
     @classmethod
-    def of(cls, series: pl.Series, *, drawable: bool) -> Self:
-        """Describe `series`; a drawable one has its missing numbers stored as NaN.
+    def of(cls, series: pl.Series) -> Self:
+        """Describe `series`.
 
         Raises:
             OutputError: its dtype cannot be stored, or it has no name.
@@ -63,8 +59,7 @@ class StoredColumn(BaseModel):
         if str(dtype) not in _DTYPES:
             known = ", ".join((*_DTYPES, _ENUM))
             raise OutputError(f"column '{series.name}': cannot store {dtype}; known: {known}")
-        as_nan = drawable and dtype.is_float() and not series.is_nan().any()
-        return cls(name=series.name, dtype=str(dtype), missing="nan" if as_nan else "null")
+        return cls(name=series.name, dtype=str(dtype))
 
     @property
     def polars_dtype(self) -> pl.DataType:
@@ -72,25 +67,24 @@ class StoredColumn(BaseModel):
         return pl.Enum(self.categories) if self.dtype == _ENUM else _DTYPES[self.dtype]()
 
     def encode(self, series: pl.Series) -> pl.Series:
-        """Make `series` what is stored: an enum as text, a missing number perhaps as NaN."""
-        if self.dtype == _ENUM:
-            return series.cast(pl.String)
-        return series.fill_null(float("nan")) if self.missing == "nan" else series
+        """Make `series` what is stored: an enum as the numbers of its categories."""
+        return series.to_physical() if self.dtype == _ENUM else series
 
     def decode(self, series: pl.Series) -> pl.Series:
         """Undo `encode`."""
-        typed = series.cast(self.polars_dtype)
-        return typed.fill_nan(None) if self.missing == "nan" else typed
+        if self.dtype != _ENUM:
+            return series.cast(self.polars_dtype)
+        categories = pl.Series(series.name, self.categories, dtype=self.polars_dtype)
+        return categories.gather(series)
 
 
 class StoredFrame(BaseModel):
-    """What a frame was before it was stored, and which of its columns places it in time."""
+    """What a frame was before it was stored."""
 
     model_config = ConfigDict(frozen=True)
 
     name: str
     rows: int
-    rows_by: RowsBy
     columns: tuple[StoredColumn, ...]
 
     @classmethod
@@ -100,13 +94,8 @@ class StoredFrame(BaseModel):
         Raises:
             OutputError: a column's dtype cannot be stored.
         """
-        drawable = entity_parts(name)[0] != "raw"
-        return cls(
-            name=name,
-            rows=frame.height,
-            rows_by=_placed_by(frame),
-            columns=tuple(StoredColumn.of(s, drawable=drawable) for s in frame.get_columns()),
-        )
+        columns = tuple(StoredColumn.of(series) for series in frame.get_columns())
+        return cls(name=name, rows=frame.height, columns=columns)
 
     @property
     def entity(self) -> str:
@@ -118,23 +107,50 @@ class StoredFrame(BaseModel):
         by_name = {column.name: column for column in self.columns}
         return tuple(by_name[name] for name in columns)
 
-    def to_batch(self, part: pl.DataFrame, first_row: int, t0_ns: int) -> "pa.RecordBatch":
-        """Make rows of the frame one record batch, with the timelines as its first columns."""
+    def batches(self, frame: pl.DataFrame) -> "Iterator[pa.RecordBatch]":
+        """Make blocks of the frame, each a record batch of one row, placed by its first row."""
         import pyarrow as pa
 
-        arrays = _timelines(part, self.rows_by, first_row, t0_ns)
-        fields = [pa.field(name, array.type) for name, array in arrays.items()]
-        # a list of one value a row: a bare null would become a row without any value
-        starts = pa.array(np.arange(part.height + 1, dtype=np.int32))
-        for column in self.columns:
-            name = component(column.name)
-            values = column.encode(part[column.name]).to_arrow()
-            if pa.types.is_large_string(values.type):
-                values = values.cast(pa.string())
-            arrays[name] = pa.ListArray.from_arrays(starts, values)
-            metadata = {"rerun:entity_path": self.entity, "rerun:component": name}
-            fields.append(pa.field(name, arrays[name].type, metadata=metadata))
-        return pa.record_batch(list(arrays.values()), schema=pa.schema(fields))
+        for number, part in enumerate(frame.iter_slices(BLOCK_ROWS)):
+            arrays: list[pa.Array] = [pa.array(np.array([number * BLOCK_ROWS]))]
+            fields = [pa.field(ROW, arrays[0].type)]
+            whole = pa.array(np.array([0, part.height], dtype=np.int32))
+            for column in self.columns:
+                values = column.encode(part[column.name]).to_arrow()
+                if pa.types.is_large_string(values.type):
+                    values = values.cast(pa.string())
+                name = component(column.name)
+                arrays.append(pa.ListArray.from_arrays(whole, values))
+                metadata = {"rerun:entity_path": self.entity, "rerun:component": name}
+                fields.append(pa.field(name, arrays[-1].type, metadata=metadata))
+            yield pa.record_batch(arrays, schema=pa.schema(fields))
+
+    def from_batches(
+        self, batches: "Sequence[pa.RecordBatch]", columns: Sequence[StoredColumn]
+    ) -> pl.DataFrame:
+        """Put columns of the frame together again, in whatever order its blocks come.
+
+        Args:
+            batches: with a row a block.
+            columns: which of its columns.
+        """
+        import pyarrow as pa
+
+        blocks = sorted(
+            (first, number, row)
+            for number, batch in enumerate(batches)
+            for row, first in enumerate(batch.column(ROW).to_pylist())
+        )
+        series: list[pl.Series] = []
+        for column in columns:
+            by_batch = [batch.column(component(column.name)) for batch in batches]
+            parts = [by_batch[number].slice(row, 1).flatten() for _, number, row in blocks]
+            if parts:
+                whole = pl.Series(column.name, pl.from_arrow(pa.chunked_array(parts)))
+                series.append(column.decode(whole))
+            else:
+                series.append(pl.Series(column.name, dtype=column.polars_dtype))
+        return pl.DataFrame(series)
 
 
 class Manifest(BaseModel):
@@ -154,26 +170,3 @@ def entity_path(frame: str) -> str:
     import rerun as rr
 
     return rr.new_entity_path(list(entity_parts(frame)))
-
-
-def _placed_by(frame: pl.DataFrame) -> RowsBy:
-    for name in _TIME_COLUMNS:
-        if name in frame.columns and frame.schema[name] == pl.Int64:
-            times = frame[name]
-            if times.null_count() == 0 and bool((times.abs() < _LATEST_NS).all()):
-                return name
-    return ROW
-
-
-def _timelines(
-    part: pl.DataFrame, rows_by: RowsBy, first_row: int, t0_ns: int
-) -> "dict[str, pa.Array]":
-    import pyarrow as pa
-
-    if rows_by == ROW:
-        return {ROW: pa.array(np.arange(first_row, first_row + part.height))}
-    since_start = part[rows_by] - t0_ns if rows_by == "log_time_ns" else part[rows_by]
-    return {
-        TIME: (since_start + t0_ns).to_arrow().cast(pa.timestamp("ns")),
-        SINCE_START: since_start.to_arrow().cast(pa.duration("ns")),
-    }

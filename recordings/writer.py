@@ -12,6 +12,7 @@ from analysis.run import Run
 from estimators.errors import OutputError, RecordingError
 from recordings.blueprint import blueprint, text_entity
 from recordings.display import display_frames
+from recordings.drawn_rows import drawn_rows
 from recordings.output import check_output, whole_file
 from recordings.piped_file import PipedFile, piped_file
 from recordings.reader import FORMAT, PROPERTY, opened
@@ -25,8 +26,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from rerun import RecordingStream
 
-_ROWS_A_CHUNK: Final = 16_384
-_CHUNKS_A_FLUSH: Final = 10
+_MOST_WAITING: Final = 1 << 26
 #: So long may nothing move before the disk or the viewer counts as stuck.
 _PATIENCE_S: Final = 10.0
 APPLICATION: Final = "payscope"
@@ -78,11 +78,11 @@ def _write(run: Run, piped: PipedFile, path: Path, viewer: str | None) -> None:
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
-    stored = [(StoredFrame.of(name, frame), frame) for name, frame in run.frames.items()]
+    stored = tuple(StoredFrame.of(name, frame) for name, frame in run.frames.items())
     shown = display_frames(run)
     description = rr.AnyValues(
         format=FORMAT,
-        manifest=Manifest(frames=tuple(each for each, _ in stored)).model_dump_json(),
+        manifest=Manifest(frames=stored).model_dump_json(),
         provenance=json.dumps(run.provenance.model_dump(mode="json")),
     )
     recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
@@ -97,13 +97,13 @@ def _write(run: Run, piped: PipedFile, path: Path, viewer: str | None) -> None:
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         recording.log(text_entity(name), document, static=True)
     _settle(recording, piped, path)  # what describes the frames first, or a cut file is past help
-    drawn = [(StoredFrame.of(name, frame), frame) for name, frame in shown.items()]
-    for each, frame in (*drawn, *stored):
-        for number, batch in enumerate(_batches(each, frame, run.provenance.t0_unix_ns), start=1):
-            index = [ROW] if each.rows_by == ROW else [TIME, SINCE_START]
-            recording.send_record_batch(batch, index=index)
-            if number % _CHUNKS_A_FLUSH == 0:  # or the queue of chunks grows to the whole frame
-                _settle(recording, piped, path)
+    waiting = 0
+    for index, batch in _batches(run, shown):
+        recording.send_record_batch(batch, index=index)
+        waiting += batch.nbytes
+        if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
+            _settle(recording, piped, path)
+            waiting = 0
     _settle(recording, piped, path)
     recording.disconnect()
 
@@ -125,9 +125,16 @@ def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
             return
 
 
-def _batches(stored: StoredFrame, frame: pl.DataFrame, t0_ns: int) -> "Iterator[pa.RecordBatch]":
-    for number, part in enumerate(frame.iter_slices(_ROWS_A_CHUNK)):
-        yield stored.to_batch(part, number * _ROWS_A_CHUNK, t0_ns)
+def _batches(
+    run: Run, shown: dict[str, pl.DataFrame]
+) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
+    """What is drawn, so that a live viewer has it first, then every frame; each with its index."""
+    for name, frame in shown.items():
+        for batch in drawn_rows(name, frame, run.provenance.t0_unix_ns):
+            yield [TIME, SINCE_START], batch
+    for name, frame in run.frames.items():
+        for batch in StoredFrame.of(name, frame).batches(frame):
+            yield [ROW], batch
 
 
 def _verify(run: Run, partial: Path, path: Path) -> None:

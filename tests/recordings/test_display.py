@@ -1,4 +1,4 @@
-"""What is made for the screen alone: breaks, spans, transitions, overviews, ranges."""
+"""What is made for the screen alone: breaks, spans, transitions, bins, ranges."""
 
 import polars as pl
 
@@ -54,7 +54,7 @@ def test_a_manoeuvre_is_held_from_its_start_to_its_end_and_no_further():
     held = shown["display/segments"]
     assert held["t_ns"].to_list() == [0, 4 * S, 4 * S + 1, 10 * S, 12 * S, 12 * S + 1]
     assert held["mass_kg"].to_list() == [5.0, 5.0, None, None, None, None]
-    lane = shown["display/manoeuvre_phase"]
+    lane = shown["display/states/manoeuvre_phase"]
     assert lane["t_ns"].to_list() == [0, 4 * S + 1, 10 * S, 12 * S + 1]
     assert lane[STATE].to_list() == ["accelerating", None, "cruising", None]
 
@@ -64,7 +64,7 @@ def test_a_state_is_kept_only_where_it_changes_and_ends_with_the_log():
     excitation = pl.DataFrame(
         {"t_ns": [t * S for t in range(6)], "phase": pl.Series(phases, dtype=PHASE)}
     )
-    lane = display_frames(_run(excitation=excitation))["display/phase"]
+    lane = display_frames(_run(excitation=excitation))["display/states/phase"]
     assert lane["t_ns"].to_list() == [0, 2 * S, 4 * S, 6 * S]
     assert lane[STATE].to_list() == ["standstill", None, "cruising", None]
 
@@ -84,21 +84,21 @@ def test_the_threshold_is_a_line_over_the_whole_log_with_its_value_in_the_legend
     ]
 
 
-def test_a_long_log_has_an_overview_of_a_few_thousand_bins_with_mean_and_extremes(drives):
+def test_a_long_log_is_drawn_by_a_few_thousand_bins_with_mean_and_extremes(drives):
     run = drives(700.0)
     assert is_long(run)
-    overview = display_frames(run)["display/overview/excitation"]
-    assert overview.height == 700
+    bins = display_frames(run)["display/excitation"]
+    assert bins.height == 700
     force = run.frames["excitation"].filter(pl.col("t_ns") < S)["force_x_N"]
-    first = overview.row(0, named=True)
+    first = bins.row(0, named=True)
     assert first["force_x_N_min"] == force.min()
     assert first["force_x_N_max"] == force.max()
     assert abs(first["force_x_N"] - force.mean()) < 1e-9
 
 
-def test_a_bin_of_the_overview_without_samples_stays_empty(drives):
-    overview = display_frames(drives(700.0))["display/overview/excitation"]
-    gap = overview.filter(pl.col("t_ns").is_between(0.43 * 700 * S, 0.46 * 700 * S))
+def test_a_bin_without_samples_stays_empty(drives):
+    bins = display_frames(drives(700.0))["display/excitation"]
+    gap = bins.filter(pl.col("t_ns").is_between(0.43 * 700 * S, 0.46 * 700 * S))
     assert gap.height > 15
     assert gap["force_x_N"].null_count() == gap.height
 

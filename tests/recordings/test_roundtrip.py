@@ -3,6 +3,7 @@
 import struct
 import subprocess
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import polars as pl
 import pytest
@@ -13,8 +14,12 @@ from analysis import Loss, Provenance, Run
 from analysis.schema import PHASE
 from estimators.errors import OutputError, RecordingError
 from recordings import read_frame, read_provenance, read_recording, stages, write_recording
+from recordings.stored import BLOCK_ROWS
 from recordings.viewer import executable
 from tests.one_line import assert_one_line
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 BITS = st.integers(0, 2**64 - 1).map(lambda bits: struct.unpack("<d", struct.pack("<Q", bits))[0])
 FLOATS = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=True)
@@ -105,10 +110,10 @@ def test_a_run_with_every_frame_comes_back_equal_and_the_recorder_verifies_the_f
     subprocess.run([executable(), "rrd", "verify", path], check=True, capture_output=True)
 
 
-def test_rows_of_many_chunks_keep_their_order_also_after_the_recorder_rearranged_them(
+def test_rows_of_many_blocks_keep_their_order_also_after_the_recorder_rearranged_them(
     tmp_path: Path,
 ):
-    n = 60_000
+    n = 3 * BLOCK_ROWS + 7
     frame = pl.DataFrame(
         {"t_ns": pl.int_range(n, eager=True), "value": pl.int_range(n, 0, -1, eager=True)}
     )
@@ -122,24 +127,27 @@ def test_rows_of_many_chunks_keep_their_order_also_after_the_recorder_rearranged
     assert read_recording(tidied) == run
 
 
-def test_missing_numbers_are_nan_in_the_file_so_that_no_line_crosses_them(tmp_path: Path):
+def _drawn(run: Run, path: Path, frame: str) -> "pa.RecordBatch":
     import rerun as rr
 
-    frame = pl.DataFrame({"t_ns": [0, 1, 2], "mass_kg": [1.0, None, 3.0]})
-    path = write_recording(Run({"stage": frame}), tmp_path / "gap.rrd")
-    (chunk,) = rr.chunk.RrdReader(path).store().stream().filter(content="/stage")
-    stored = chunk.to_record_batch().column("payscope:mass_kg").flatten()
-    assert stored.null_count == 0
-    assert str(stored[1]) == "nan"
+    write_recording(run, path)
+    store = rr.chunk.RrdReader(path).store()
+    (chunk,) = store.stream().filter(content=f"/display/{frame}")
+    return chunk.to_record_batch()
+
+
+def test_missing_numbers_are_drawn_as_nan_so_that_no_line_crosses_them(tmp_path: Path):
+    frame = pl.DataFrame({"t_ns": [0, 1, 2], "force_x_N": [1.0, None, 3.0]})
+    batch = _drawn(Run({"excitation": frame}), tmp_path / "gap.rrd", "excitation")
+    drawn = batch.column("payscope:force_x_N").flatten()
+    assert drawn.null_count == 0
+    assert str(drawn[1]) == "nan"
 
 
 def test_times_lie_on_the_utc_timeline_and_on_the_one_since_the_start(tmp_path: Path):
-    import rerun as rr
-
-    run = Run({"stage": pl.DataFrame({"t_ns": [0, 5]})}, Provenance(t0_unix_ns=10**18))
-    path = write_recording(run, tmp_path / "time.rrd")
-    (chunk,) = rr.chunk.RrdReader(path).store().stream().filter(content="/stage")
-    batch = chunk.to_record_batch()
+    frame = pl.DataFrame({"t_ns": [0, 5], "force_x_N": [1.0, 2.0]})
+    run = Run({"excitation": frame}, Provenance(t0_unix_ns=10**18))
+    batch = _drawn(run, tmp_path / "time.rrd", "excitation")
     assert batch.column("time").cast("int64").to_pylist() == [10**18, 10**18 + 5]
     assert batch.column("t").cast("int64").to_pylist() == [0, 5]
 
@@ -238,7 +246,8 @@ def test_a_recording_of_another_program_is_said_in_one_line(tmp_path: Path):
 def test_a_truncated_recording_names_the_remedy_and_the_remedy_saves_its_complete_rows(
     tmp_path: Path,
 ):
-    run = Run({"stage": pl.DataFrame({"t_ns": pl.int_range(100_000, eager=True)})})
+    rows_written = 3 * BLOCK_ROWS
+    run = Run({"stage": pl.DataFrame({"t_ns": pl.int_range(rows_written, eager=True)})})
     path = write_recording(run, tmp_path / "shift.rrd")
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
     with pytest.raises(RecordingError, match=r"damaged or not finished.*`rerun rrd optimize"):
@@ -248,6 +257,6 @@ def test_a_truncated_recording_names_the_remedy_and_the_remedy_saves_its_complet
     subprocess.run(command, check=True, capture_output=True)
     back = read_recording(saved)
     rows = back.frames["stage"].height
-    assert 0 < rows < 100_000
+    assert 0 < rows < rows_written
     assert back.frames["stage"].equals(run.frames["stage"].head(rows))
-    assert back.provenance.losses[-1].what == f"the recording has {rows} of 100000 rows"
+    assert back.provenance.losses[-1].what == f"the recording has {rows} of {rows_written} rows"
