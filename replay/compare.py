@@ -9,7 +9,7 @@ import polars as pl
 from analysis.comparison import Comparison, compare, same_inputs
 from analysis.run import Provenance
 from estimators.errors import RecordingError
-from recordings import read_frame, read_provenance, stages
+from recordings.reader import OpenRecording, opened
 
 if TYPE_CHECKING:
     from replay.calibrated import AskedCalibration
@@ -18,33 +18,32 @@ if TYPE_CHECKING:
 class Recorded:
     """A recording as a replay to compare: only what is asked for is read."""
 
-    def __init__(self, path: Path, asked: "AskedCalibration | None" = None) -> None:
-        """Read what describes it.
+    def __init__(self, held: OpenRecording, asked: "AskedCalibration | None" = None) -> None:
+        """Take what describes it.
 
         Args:
-            path: the recording.
+            held: the recording.
             asked: evidence that calibrates the masses of its loads.
 
         Raises:
-            RecordingError: no such recording, or not one that this payscope reads.
             EvidenceError: the evidence is refused.
         """
-        self._path = path
-        self.provenance: Provenance = read_provenance(path)
-        self.stages: Mapping[str, Sequence[str]] = stages(path)
+        self._held = held
+        self.provenance: Provenance = held.provenance
+        self.stages: Mapping[str, Sequence[str]] = held.stages
         self._loads: pl.DataFrame | None = None
         if asked is not None and "loads" in self.stages:
             from replay.calibrated import calibrated_frame
 
-            raw, terms = read_frame(path, "loads"), read_frame(path, "nuisances")
-            self._loads = calibrated_frame(raw, terms, self.provenance, asked, path)
+            raw, terms = held.read("loads"), held.read("nuisances")
+            self._loads = calibrated_frame(raw, terms, self.provenance, asked, held.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:
         """Some columns of a frame."""
         if stage == "loads" and self._loads is not None:
             return self._loads.select(columns)
-        return read_frame(self._path, stage, columns)
+        return self._held.read(stage, columns)
 
 
 def compare_recordings(
@@ -68,20 +67,21 @@ def compare_recordings(
     Raises:
         RecordingError: one of them cannot be read, or their rows do not correspond.
     """
-    mine, theirs = Recorded(a, calibration), Recorded(b, calibration)
-    if not set(mine.stages) & set(theirs.stages):
-        raise RecordingError(
-            f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
-            f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
-        )
-    if not other_logs and not same_inputs(mine.provenance, theirs.provenance):
-        names = [
-            ", ".join(each.name for each in replay.provenance.inputs) or "no file"
-            for replay in (mine, theirs)
-        ]
-        raise RecordingError(
-            f"{a} and {b}: are replays of different inputs ({names[0]} | {names[1]}, by SHA-256), "
-            "so that their rows do not correspond; --other-logs compares settings, masses and "
-            "verdict alone"
-        )
-    return compare(mine, theirs, rtol=rtol, rows=not other_logs)
+    with opened(a) as first, opened(b) as second:
+        mine, theirs = Recorded(first, calibration), Recorded(second, calibration)
+        if not set(mine.stages) & set(theirs.stages):
+            raise RecordingError(
+                f"{a} and {b}: have no stage in common ({', '.join(mine.stages) or 'none'} | "
+                f"{', '.join(theirs.stages) or 'none'}); compare replays of one log"
+            )
+        if not other_logs and not same_inputs(mine.provenance, theirs.provenance):
+            names = [
+                ", ".join(each.name for each in replay.provenance.inputs) or "no file"
+                for replay in (mine, theirs)
+            ]
+            raise RecordingError(
+                f"{a} and {b}: are replays of different inputs ({names[0]} | {names[1]}, by "
+                "SHA-256), so that their rows do not correspond; --other-logs compares settings, masses and "
+                "verdict alone"
+            )
+        return compare(mine, theirs, rtol=rtol, rows=not other_logs)
