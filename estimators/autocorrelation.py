@@ -41,7 +41,26 @@ def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]
     return sums, pairs
 
 
-def pooled_autocorrelation(residual: Floats, group: Ints, A: Floats | None) -> tuple[Floats, float]:
+def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:
+    """What a fit of A takes out of the autocovariances of its residuals, (lags, lags).
+
+    It does not depend on the residuals: whoever asks again for the same fit keeps it.
+
+    Args:
+        group: (n,) the fit that each sample belongs to, negative for none.
+        A: (n, p) regressor that was fitted to each group, None where nothing was.
+    """
+    n, groups = int((group >= 0).sum()), group_ids(group).size
+    if n <= groups * (0 if A is None else A.shape[1]):
+        return np.zeros((0, 0))
+    # no more lags than a quarter of a typical fit can tell
+    limit = min(max(1, n // groups // 4), MOST_LAGS)
+    return np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
+
+
+def pooled_autocorrelation(
+    residual: Floats, group: Ints, A: Floats | None, loss: Floats | None = None
+) -> tuple[Floats, float]:
     """Estimate the residuals' autocorrelation over all groups, and their variance.
 
     What each group's own fit has taken out of the autocovariances is put back (`fit_loss`). The
@@ -54,22 +73,19 @@ def pooled_autocorrelation(residual: Floats, group: Ints, A: Floats | None) -> t
         residual: (n,) residuals; where group < 0 they are not looked at.
         group: (n,) the fit that each residual comes from, negative for none.
         A: (n, p) regressor that was fitted to each group, None where nothing was.
+        loss: its `autocovariance_loss`, where it is at hand.
 
     Returns:
         (lags,) autocorrelation with its taper applied, 1 first; and the variance at lag 0.
     """
-    used = group >= 0
-    n = int(used.sum())
-    groups = group_ids(group).size
-    if n <= groups * (0 if A is None else A.shape[1]):
+    loss = autocovariance_loss(group, A) if loss is None else loss
+    limit, n = len(loss), int((group >= 0).sum())
+    if not limit:
         return np.ones(1), float("nan")
-    # no more lags than a quarter of a typical fit can tell
-    limit = min(max(1, n // groups // 4), MOST_LAGS)
     sums, pairs = _lag_sums(residual, group, limit)
     found = sums / np.maximum(pairs, 1.0)
     if found[0] <= 0.0:
         return np.ones(1), 0.0
-    loss = np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
     noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
     # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one

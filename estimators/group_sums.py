@@ -25,39 +25,64 @@ class NoiseMoments:
 
 @compiled
 def noise_moments(
-    slopes: Floats, covariances: Floats, which: Ints, group: Ints, groups: int
+    slopes: Floats,
+    places: Ints,
+    covariances: Floats,
+    which: Ints,
+    group: Ints,
+    shape: tuple[int, int],
 ) -> tuple[Floats, Floats]:
-    """Sum what noise of q channels adds to the normal equations of p columns.
+    """Sum what noise of channels adds to the normal equations.
 
     Args:
-        slopes: (n, p, q) derivative of each column by each channel; the last channel is the
-            response's.
-        covariances: (kinds, q, q) of the channels' noise.
+        slopes: (slopes, n) derivatives of columns by channels, those that are not 0.
+        places: (slopes, 2) column and channel of each; the last channel is the response's.
+        covariances: (kinds, channels, channels) of the channels' noise.
         which: (n,) the kind of each sample.
         group: (n,) the group of each sample, from 0.
-        groups: how many there are.
+        shape: groups and columns.
 
     Returns:
         (groups, p, p) and (groups, p): see `NoiseMoments`.
     """
-    n, p, q = slopes.shape
+    groups, p = shape
     gram, cross = np.zeros((groups, p, p)), np.zeros((groups, p))
-    part = np.empty((p, q))
+    count, n = slopes.shape
+    kinds, response = covariances.shape[0], covariances.shape[1] - 1
+    # of two slopes in either order, and of each with the response
+    pairs = np.empty((kinds, count * (count + 1) // 2))
+    own = np.empty((kinds, count))
+    for kind in range(kinds):
+        pair = 0
+        for s in range(count):
+            own[kind, s] = covariances[kind, places[s, 1], response]
+            for t in range(s + 1):
+                pairs[kind, pair] = covariances[kind, places[s, 1], places[t, 1]]
+                pair += 1
+    squares, singles = np.zeros(pairs.shape[1]), np.zeros(count)
     for k in range(n):
-        covariance, g = covariances[which[k]], group[k]
-        for i in range(p):
-            for y in range(q):
-                total = 0.0
-                for x in range(q):
-                    total += slopes[k, i, x] * covariance[x, y]
-                part[i, y] = total
-            cross[g, i] += part[i, q - 1]
-        for i in range(p):
-            for j in range(p):
-                total = 0.0
-                for y in range(q):
-                    total += part[i, y] * slopes[k, j, y]
-                gram[g, i, j] += total
+        by_pair, by_slope = pairs[which[k]], own[which[k]]
+        pair = 0
+        for s in range(count):
+            mine = slopes[s, k]
+            singles[s] += mine * by_slope[s]
+            for t in range(s + 1):
+                squares[pair] += mine * slopes[t, k] * by_pair[pair]
+                pair += 1
+        if k == n - 1 or group[k + 1] != group[k]:
+            g = group[k]
+            pair = 0
+            for s in range(count):
+                i = places[s, 0]
+                cross[g, i] += singles[s]
+                singles[s] = 0.0
+                for t in range(s + 1):
+                    j = places[t, 0]
+                    gram[g, i, j] += squares[pair]
+                    if s != t:
+                        gram[g, j, i] += squares[pair]
+                    squares[pair] = 0.0
+                    pair += 1
     return gram, cross
 
 

@@ -127,7 +127,7 @@ def averages(
         f * weight,
         group[kept],
         motion.direction[kept],
-        _noise_moments(terms, raw, group, covariances, which, weight, kept),
+        _noise_moments(terms, raw.at(kept), group[kept], covariances, which, weight),
         max(_SHORTEST // stride, 6),
     )
 
@@ -180,25 +180,36 @@ def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
 
 def _noise_moments(
     terms: tuple[Nuisance, ...],
-    raw: Moments,
+    kept: Moments,
     group: Ints,
     covariances: Floats,
     which: Ints,
     weight: Floats,
-    kept: Bools,
 ) -> NoiseMoments:
-    """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch."""
-    ids, index = np.unique(group[kept], return_inverse=True)
-    # derivatives of the columns by acceleration, speed and force
-    slopes = np.zeros((which.size, 2 + len(terms), 3))
-    slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
+    """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch.
+
+    Args:
+        terms: the nuisances.
+        kept: moments of the rows.
+        group: (rows,) stretch.
+        covariances: (kinds, 3, 3) of means of so many samples.
+        which: (rows,) the kind of each.
+        weight: (rows,) that rows were multiplied by.
+    """
+    ids, index = np.unique(group, return_inverse=True)
+    # derivatives of the columns by acceleration, speed and force; the others are 0
+    slopes, places = [weight, weight], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
-        if term.by_acceleration is not None:
-            slopes[:, j, 0] = term.by_acceleration(raw)[kept]
-        if term.by_speed is not None:
-            slopes[:, j, 1] = term.by_speed(raw)[kept]
-        if term.by_force is not None:
-            slopes[:, j, 2] = term.by_force(raw)[kept]
-    slopes *= weight[:, None, None]
-    moments = group_sums.noise_moments(slopes, covariances, which, index, ids.size)
-    return NoiseMoments(*moments)
+        for channel, by in enumerate((term.by_acceleration, term.by_speed, term.by_force)):
+            if by is not None:
+                slopes.append(by(kept) * weight)
+                places.append((j, channel))
+    gram, cross = group_sums.noise_moments(
+        np.stack(slopes),
+        np.array(places, np.int64),
+        covariances,
+        which,
+        index,
+        (ids.size, 2 + len(terms)),
+    )
+    return NoiseMoments(gram, cross)

@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.machine import Machine
 from analysis.weighing.equation import Floats
+from analysis.weighing.joint_result import root_sum_of_squares
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
@@ -159,7 +160,8 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     sum_kg = abs(float(weights @ fit.masses_kg))
     priors = {term.name: term for term in NUISANCES}
     sources: list[UncertaintySource] = []
-    for name, u_kg in {**fit.parts_kg(weights), **doubts(weighing, weights)}.items():
+    parts_kg = fit.parts_kg(weights)
+    for name, u_kg in {**parts_kg, **_doubts(weighing, weights, parts_kg)}.items():
         if name in priors:
             term = priors[name]
             sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
@@ -193,7 +195,7 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
 
 
-def doubts(weighing: Weighing, weights: Floats) -> dict[str, float]:
+def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> dict[str, float]:
     """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
     fit = weighing.fit
     # what is wrong with the equation is as wrong with every mass
@@ -204,7 +206,7 @@ def doubts(weighing: Weighing, weights: Floats) -> dict[str, float]:
     if weighing.braking_doubted:
         found["braking"] = abs(weighing.braking_kg) / 2.0 * share
     leans_kg = abs(float(weights @ (weighing.doubled_kg - fit.masses_kg)))
-    if leans_kg > _LEANS * fit.u_of(weights):
+    if leans_kg > _LEANS * root_sum_of_squares(parts_kg):
         found["priors"] = leans_kg
     return found
 

@@ -13,7 +13,7 @@ from scipy.special import ndtri
 
 from analysis.weighing.averages import Averages, averages, stride_of
 from analysis.weighing.equation import Floats, Ints, NoiseOfColumns
-from analysis.weighing.joint_fit import JointFit
+from analysis.weighing.joint_result import JointFit
 from analysis.weighing.states import sample_units, stretch_units
 from estimators.autocorrelation import student_factor
 

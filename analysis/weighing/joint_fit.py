@@ -1,19 +1,20 @@
-"""The joint fit: mass and friction with the nuisance terms, and what its uncertainty is made of."""
+"""The joint fit: masses and friction with the nuisance terms, found in rounds."""
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
 from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
+from analysis.weighing.joint_result import JointFit, PriorMeans, place_of
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Nuisance, const_width, offset_in_const
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators import prior_fit
 from estimators.changepoints import Units, units_of
-from estimators.prior_fit import Grouping, PriorFit
+from estimators.prior_fit import Grouping
 
 #: Lengths of the mean that are tried: the one with the smallest deviation of the mass is taken.
 MEANS: Final = (5, 10, 20, 40, 80, 160)
@@ -48,214 +49,32 @@ _LEAST_SLIP: Final = 0.05
 
 
 @dataclass(frozen=True)
-class PriorMeans:
-    """Means of the priors.
+class Fitted:
+    """What is fitted, and what is known of it.
 
     Attributes:
-        mean: (terms,) of the priors, the lag's of the whole lag.
-        mean_u: (terms,) standard uncertainties of those that a calibration learnt: its logs share
-            their error; else 0.
+        motion: the samples.
+        noise: of acceleration, speed and force.
+        priors: of the nuisances.
+        wheels: what they say of the accelerometer, the force as it was measured.
     """
 
-    mean: Floats
-    mean_u: Floats
-
-
-@dataclass(frozen=True)
-class JointFit:
-    """The fit, and how it came about.
-
-    Attributes:
-        terms: the nuisances, in the order of the parameters behind masses and friction.
-        prior_std: (terms,) widths of the priors that were used.
-        fit: estimates and parts; the masses first, then friction. The lag is the whole lag.
-        states: which load each manoeuvre carries; None before they were looked for.
-        kinematics: what the wheels say of the accelerometer, where there is one.
-        mean_samples: length of the mean.
-        motion: what was fitted.
-        lag_shape_kg: (masses,) what it would change to take a lag for a low-pass instead of a
-            delay, or the other way round, where neither makes up for it; else 0.
-        found: what the columns were made with in the end.
-        shifted: whether the force was moved back by the lag.
-        averaging_share: what a longer mean changes, where the mass depends on its length.
-        prior_means: and their uncertainty.
-    """
-
-    terms: tuple[Nuisance, ...]
-    prior_std: Floats
-    fit: PriorFit
-    states: States | None
-    kinematics: Kinematics | None
-    mean_samples: int
     motion: Equation
-    lag_shape_kg: Floats
-    found: EarlierRounds
-    shifted: bool
-    prior_means: PriorMeans
-    averaging_share: float = 0.0
+    noise: NoiseOfColumns
+    priors: PriorSettings
+    wheels: Kinematics | None
 
-    @property
-    def count(self) -> int:
-        """How many masses there are."""
-        return self.fit.theta.size - 1 - len(self.terms)
-
-    @property
-    def friction(self) -> tuple[float, float]:
-        """Viscous friction and its deviation, in N·s/m."""
-        return float(self.fit.theta[self.count]), float(self.fit.std[self.count])
-
-    @property
-    def posterior(self) -> tuple[Floats, Floats]:
-        """What the log says of the terms, (terms,), and the deviations."""
-        own = self.fit.std[self.count + 1 :]
-        by_means = self._of_means[:, self.count + 1 :]
-        return self.fit.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
-
-    @property
-    def _of_means(self) -> Floats:
-        """(terms, p) what one standard uncertainty of each learnt mean moves the estimates by."""
-        responses = self.fit.responses[self.count + 1 :]
-        return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
-
-    @property
-    def lag_s(self) -> float:
-        """How late the force is."""
-        return float(self.posterior[0][_place("lag", self.terms)])
-
-    @property
-    def terms_t(self) -> dict[str, float]:
-        """By term, how many deviations of what the log tells it is from 0."""
-        value, std = self.posterior
-        found = np.abs(value) / std
-        return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
-
-    @property
-    def main(self) -> int:
-        """The state that most manoeuvres are of."""
-        return 0 if self.states is None else int(np.bincount(self.states.of).argmax())
-
-    def weights(self, state: int) -> Floats:
-        """(masses,) that pick one mass."""
-        out = np.zeros(self.count)
-        out[state] = 1.0
-        return out
-
-    def parts_kg(self, weights: Floats) -> dict[str, float]:
-        """What the standard uncertainty of a sum of masses is made of, by cause.
-
-        Args:
-            weights: (masses,) of each mass in the sum.
-        """
-        wide = np.concatenate([weights, np.zeros(self.fit.theta.size - self.count)])
-        fit = self.fit
-
-        def root(covariance: Floats) -> float:
-            return float(np.sqrt(max(float(wide @ covariance @ wide), 0.0)))
-
-        mass_kg = float(weights @ self.masses_kg)
-        parts = {
-            "noise": root(fit.noise),
-            **{
-                term.name: abs(float(fit.responses[self.count + 1 + i] @ wide))
-                for i, term in enumerate(self.terms)
-            },
-            "channel_noise": abs(float(fit.doubt @ wide)),
-            "scatter": root(fit.scatter),
-            "misfit": root(fit.misfit),
-            "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
-            "averaging": abs(self.averaging_share * mass_kg),
-        }
-        parts |= self._of_wheels(wide, parts["slip"])
-        learnt_kg = np.append(self._of_means @ wide, self._of_wheels_means(wide))
-        if learnt_kg.any():
-            parts["learnt"] = float(np.linalg.norm(learnt_kg))
-        wheels = self.kinematics
-        if wheels is not None and wheels.gain_counts:
-            # a wrong wheel radius is in the force, and in a speed's derivative once more
-            times = 1.0 if self.motion.by_accelerometer else 2.0
-            parts["gain"] = times * abs(wheels.gain[0] * mass_kg)
-        return parts
-
-    def _of_wheels(self, weights: Floats, slip_kg: float) -> dict[str, float]:
-        """What slip, gain and delay, found together, do to a sum of masses, in kg.
-
-        They go together: the part of each is what is left of it once those before are known.
-        """
-        wheels, friction = self.kinematics, max(self.friction[0], 0.0)
-        if wheels is None or not wheels.goes_together:
-            return {}
-        moves = self._moves(weights)
-        width = self.prior_std[_place("slip", self.terms)]
-        found = moves @ np.linalg.cholesky(wheels.covariance)
-        of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
-        beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
-        parts = {"slip": float(np.hypot(found[0], beside))}
-        if self.motion.by_accelerometer:
-            parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
-        return parts
-
-    def _of_wheels_means(self, weights: Floats) -> Floats:
-        """What the uncertainties of a calibration's slip, gain and delay do to a sum of masses."""
-        wheels = self.kinematics
-        return np.zeros(0) if wheels is None else self._moves(weights) * wheels.mean_u
-
-    def _moves(self, weights: Floats) -> Floats:
-        """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
-        friction = max(self.friction[0], 0.0)
-        slip = self.count + 1 + _place("slip", self.terms)
-        # one standard deviation of the prior moves the masses by so much
-        response = float(self.fit.responses[slip] @ weights)
-        width = self.prior_std[_place("slip", self.terms)]
-        masses_kg = float(weights[: self.count] @ self.masses_kg)
-        return np.array(
-            [
-                -friction * response / width,
-                -masses_kg if self.corrects_gain else 0.0,
-                -friction * float(weights.sum()) if self.motion.by_accelerometer else 0.0,
-            ]
-        )
-
-    @property
-    def masses_kg(self) -> Floats:
-        """(masses,), what the speed's delay and the accelerometer's gain do to them taken off."""
-        late, gain, wheels = 0.0, 0.0, self.kinematics
-        if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
-            late = wheels.delay_s[0]
-        if wheels is not None and self.corrects_gain:
-            gain = wheels.gain_by_prior[0]
-        masses = self.fit.theta[: self.count]
-        return (masses - max(self.friction[0], 0.0) * late) / (1.0 + gain)
-
-    @property
-    def mass_kg(self) -> float:
-        """Of the state that most manoeuvres are of."""
-        return float(self.masses_kg[self.main])
-
-    @property
-    def corrects_gain(self) -> bool:
-        """Whether the accelerometer's gain, as far as its prior has it, is taken off the mass."""
-        wheels = self.kinematics
-        if wheels is None or not self.motion.by_accelerometer:
-            return False
-        return wheels.goes_together and not wheels.gain_counts
-
-    @property
-    def u_kg(self) -> float:
-        """That mass' standard uncertainty by this log alone, without the scale."""
-        return self.u_of(self.weights(self.main))
-
-    def u_of(self, weights: Floats) -> float:
-        """Likewise of a sum of masses, in kg."""
-        return float(np.sqrt(sum(part**2 for part in self.parts_kg(weights).values())))
+    @classmethod
+    def of(cls, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
+        """Ask the wheels."""
+        return cls(motion, noise, priors, _wheels(motion, noise, priors))
 
 
-def joint_fit(
-    motion: Equation, noise: NoiseOfColumns, priors: PriorSettings, states: States | None = None
-) -> JointFit:
+def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
-    wheels = _wheels(motion, noise, priors)
+    motion = of.motion
     terms = tuple(term for term in NUISANCES if term.applies(motion))
-    whole = _Task(motion, noise, priors, terms, wheels, states)
+    whole = _Task(motion, of.noise, of.priors, terms, of.wheels, states)
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
@@ -271,7 +90,7 @@ def joint_fit(
         # slip is of the force on the ground at that moment
         in_time = motion.with_force_moved_back(best.lag_s)
         acting = replace(in_time, force=best.found.acting(in_time))
-        whole = replace(whole, wheels=_wheels(acting, noise, priors))
+        whole = replace(whole, wheels=_wheels(acting, of.noise, of.priors))
     share = _averaging_share(first, next(k for k, found in enumerate(first) if found is best))
     moved = replace(whole.fitted(samples, _ROUNDS), averaging_share=share)
     if abs(moved.lag_s) < _SHORT_LAG_S:
@@ -310,35 +129,37 @@ def _differ(one: JointFit, other: JointFit) -> bool:
     return difference_kg > max(_DIFFER * expected_kg, _DIFFER_SHARE * abs(one.mass_kg))
 
 
-def _place(name: str, terms: tuple[Nuisance, ...]) -> int:
-    return [term.name for term in terms].index(name)
-
-
 def again(
-    found: JointFit, noise: NoiseOfColumns, priors: PriorSettings, extra: tuple[Nuisance, ...] = ()
+    found: JointFit,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    extra: tuple[Nuisance, ...] = (),
+    rounds: int = 1,
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others."""
     terms = (*found.terms, *extra)
     task = _Task(found.motion, noise, priors, terms, found.kinematics, found.states)
-    fitted = task.fitted(found.mean_samples, 1, shift=found.shifted, begin=found)
+    fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found)
     return replace(fitted, lag_shape_kg=found.lag_shape_kg, averaging_share=found.averaging_share)
 
 
-def with_states(
-    found: JointFit, noise: NoiseOfColumns, priors: PriorSettings, repeatability_kg: float | None
-) -> JointFit:
+def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes."""
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.fit.theta).all():
         return replace(found, states=untold_states(number))
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
-        task = _Task(found.motion, noise, priors, found.terms, found.kinematics, found.states)
+        task = _Task(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
         units = task.units(found.mean_samples, found.found, found.friction[0])
         states = found_states(replace(units, kind=hints), number, repeatability_kg)
+        before = found.states
         if states.count == 1 and found.count == 1:
-            return again(replace(found, states=states), noise, priors)
-        found = joint_fit(found.motion, noise, priors, states)
+            return again(replace(found, states=states), of.noise, of.priors)
+        if before is not None and np.array_equal(states.of, before.of):
+            # the same loads, whose scatter is known better now
+            return again(replace(found, states=states), of.noise, of.priors, rounds=2)
+        found = joint_fit(of, states)
         if states.of.tobytes() in seen:
             break
         seen.add(states.of.tobytes())
@@ -370,21 +191,21 @@ class _Task:
         A force that is late is moved back; one that is low-passed is not, since its derivative
         alone makes up for that (f + τ df/dt).
         """
-        lag = _place("lag", self.terms)
+        lag = place_of("lag", self.terms)
         std = np.zeros(len(self.terms))
         levels = None if self.states is None else self.states.levels(self.motion)
         # behind the masses and friction
         first = 2 if levels is None else levels.count + 1
         known = begin.found if begin else EarlierRounds(slip_1_N=self._slip())
         known = known if shift else replace(known, lag_s=0.0)
-        fitted, mean, known_s = None, std, 0.0
+        solution, mean, known_s = None, std, 0.0
         friction = begin.friction[0] if begin else None
         for number in range(rounds):
             mean, std = self._priors(friction)
             known_s = known.lag_s
             mean[lag] -= known_s
             rows = averages(self.motion, self.noise, self.terms, samples, known)
-            fitted = prior_fit.fit(
+            solution = prior_fit.solve(
                 rows.A,
                 rows.f,
                 rows.group,
@@ -393,17 +214,17 @@ class _Task:
                 np.concatenate([np.full(2, np.inf), std]),
                 Grouping(rows.direction, rows.shortest, levels),
             )
-            friction = float(fitted.theta[first - 1])
-            if not np.isfinite(fitted.theta).all():
+            friction = float(solution.theta[first - 1])
+            if not np.isfinite(solution.theta).all():
                 break
-            known, moved = self._found(known, fitted.theta[first:], shift=shift)
+            known, moved = self._found(known, solution.theta[first:], shift=shift)
             if number and moved < _LAG_FOUND_S:
                 break
-        assert fitted is not None
-        theta = fitted.theta.copy()
+        assert solution is not None
+        theta = solution.theta.copy()
         if shift:
             theta[first + lag] = known.lag_s
-        fit = replace(fitted, theta=theta)
+        fit = replace(solution.uncertain(), theta=theta)
         return JointFit(
             self.terms,
             std,
@@ -441,7 +262,7 @@ class _Task:
     def units(self, samples: int, found: EarlierRounds, friction: float) -> Units:
         """What each manoeuvre says of its mass, by what a fit found."""
         mean, std = self._priors(friction)
-        lag = _place("lag", self.terms)
+        lag = place_of("lag", self.terms)
         mean[lag] -= found.lag_s
         rows = averages(self.motion, self.noise, self.terms, samples, found)
         return units_of(
@@ -482,14 +303,14 @@ class _Task:
     def _prior_means(self, mean: Floats, moved_s: float) -> PriorMeans:
         """Those of a round, whose force was moved back by so much."""
         mean, mean_u = mean.copy(), np.zeros(len(self.terms))
-        mean[_place("lag", self.terms)] += moved_s
+        mean[place_of("lag", self.terms)] += moved_s
         for place, term in self._learnt_places():
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)
 
     def _narrow_slip(self, friction: float, mean: Floats, std: Floats) -> None:
         """Slip costs friction · slip, and the wheels may tell it."""
-        at = _place("slip", self.terms)
+        at = place_of("slip", self.terms)
         friction = max(friction, 0.0)
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
         std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)

@@ -10,7 +10,7 @@ from analysis.machine import Machine
 from analysis.schema import CALIBRATED, FRAMES, build
 from analysis.weighing.budget import budget, combined, unknown_scale
 from analysis.weighing.equation import Floats, Ints
-from analysis.weighing.joint_fit import JointFit
+from analysis.weighing.joint_result import JointFit
 from analysis.weighing.kinematics import TERMS
 from analysis.weighing.states import States, sample_units
 from analysis.weighing.weigh import Weighing

@@ -5,13 +5,13 @@ where no calibration learnt another (`settings.priors.learnt`).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, Floats
+from analysis.weighing.equation import Bools, Equation, Floats
 
 #: An offset of which nothing is left to find.
 _LEAST_OFFSET_N: Final = 1e-3
@@ -42,6 +42,19 @@ class Moments:
     progress: Floats
     slip_s_m: float
     transfer_s2_m: float
+
+    def at(self, rows: Bools) -> "Moments":
+        """The same of some of the samples."""
+        return replace(
+            self,
+            acceleration=self.acceleration[rows],
+            speed=self.speed[rows],
+            ground_speed=self.ground_speed[rows],
+            force=self.force[rows],
+            force_rate=self.force_rate[rows],
+            direction=self.direction[rows],
+            progress=self.progress[rows],
+        )
 
 
 @dataclass(frozen=True, slots=True)

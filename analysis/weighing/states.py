@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.weighing.equation import Equation, Floats, Ints, begins
 from estimators.changepoints import Partitions, Units, partitions
-from estimators.prior_fit import Levels
+from estimators.levels import Levels
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0

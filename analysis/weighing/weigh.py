@@ -12,7 +12,8 @@ from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.growth import Growth, growing
-from analysis.weighing.joint_fit import JointFit, again, joint_fit, with_states
+from analysis.weighing.joint_fit import Fitted, again, joint_fit, with_states
+from analysis.weighing.joint_result import JointFit
 from analysis.weighing.nuisances import CURVATURE
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
@@ -132,9 +133,10 @@ def weigh(
     def motion(*, braking: bool) -> Equation:
         return equation(aligned, excitation, gated, machine, columns, braking=braking)
 
-    def of_states(motion: Equation) -> JointFit:
-        pilot = joint_fit(motion, columns, priors)
-        return with_states(pilot, columns, priors, machine.machine.repeatability_kg)
+    def of_states(motion: Equation, begin: JointFit | None = None) -> JointFit:
+        fitted = Fitted.of(motion, columns, priors)
+        states = None if begin is None or begin.states is None else begin.states.among(motion)
+        return with_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
     whole = motion(braking=True)
     if whole.used.sum() < _FEWEST:
@@ -143,18 +145,20 @@ def weigh(
     grown = growing(fit, columns)
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
-        fit = of_states(_without(whole, grown))
+        fit = of_states(_without(whole, grown), fit)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _without(motion(braking=False), grown)
         if driving.used.sum() >= _FEWEST:
-            alone = joint_fit(driving, columns, priors, fit.states and fit.states.among(driving))
+            fitted = Fitted.of(driving, columns, priors)
+            alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
             if not curvature(alone, columns, priors).shows:
                 braking_kg = _apart_kg(fit, alone)
                 allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
-                fit = of_states(driving) if left_out else fit
+                if left_out:
+                    fit = with_states(alone, fitted, machine.machine.repeatability_kg)
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))

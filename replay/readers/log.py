@@ -1,9 +1,11 @@
 """What a log offers; nothing else of a reader is used."""
 
+import hashlib
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any, ClassVar, Final, Self
@@ -83,6 +85,15 @@ class Log(ABC):
     @abstractmethod
     def files(self) -> tuple[Path, ...]:
         """Every file that is read, for the provenance."""
+
+    @cached_property
+    def digests(self) -> tuple[str, ...]:
+        """The SHA-256 of every file, in hexadecimal."""
+        found: list[str] = []
+        for path in self.files:
+            with path.open("rb") as stream:
+                found.append(hashlib.file_digest(stream, "sha256").hexdigest())
+        return tuple(found)
 
     @abstractmethod
     def topics(self) -> pl.DataFrame:

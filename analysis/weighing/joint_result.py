@@ -1,0 +1,225 @@
+"""What the joint fit found: masses, nuisances, and what their uncertainty is made of."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from analysis.weighing.averages import EarlierRounds
+from analysis.weighing.equation import Equation, Floats
+from analysis.weighing.kinematics import Kinematics
+from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.states import States
+from estimators.prior_fit import PriorFit
+
+
+@dataclass(frozen=True)
+class PriorMeans:
+    """Means of the priors.
+
+    Attributes:
+        mean: (terms,) of the priors, the lag's of the whole lag.
+        mean_u: (terms,) standard uncertainties of those that a calibration learnt: its logs share
+            their error; else 0.
+    """
+
+    mean: Floats
+    mean_u: Floats
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The fit, and how it came about.
+
+    Attributes:
+        terms: the nuisances, in the order of the parameters behind masses and friction.
+        prior_std: (terms,) widths of the priors that were used.
+        fit: estimates and parts; the masses first, then friction. The lag is the whole lag.
+        states: which load each manoeuvre carries; None before they were looked for.
+        kinematics: what the wheels say of the accelerometer, where there is one.
+        mean_samples: length of the mean.
+        motion: what was fitted.
+        lag_shape_kg: (masses,) what it would change to take a lag for a low-pass instead of a
+            delay, or the other way round, where neither makes up for it; else 0.
+        found: what the columns were made with in the end.
+        shifted: whether the force was moved back by the lag.
+        averaging_share: what a longer mean changes, where the mass depends on its length.
+        prior_means: and their uncertainty.
+    """
+
+    terms: tuple[Nuisance, ...]
+    prior_std: Floats
+    fit: PriorFit
+    states: States | None
+    kinematics: Kinematics | None
+    mean_samples: int
+    motion: Equation
+    lag_shape_kg: Floats
+    found: EarlierRounds
+    shifted: bool
+    prior_means: PriorMeans
+    averaging_share: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """How many masses there are."""
+        return self.fit.theta.size - 1 - len(self.terms)
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Viscous friction and its deviation, in N·s/m."""
+        return float(self.fit.theta[self.count]), float(self.fit.std[self.count])
+
+    @cached_property
+    def posterior(self) -> tuple[Floats, Floats]:
+        """What the log says of the terms, (terms,), and the deviations."""
+        own = self.fit.std[self.count + 1 :]
+        by_means = self._of_means[:, self.count + 1 :]
+        return self.fit.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
+
+    @cached_property
+    def _of_means(self) -> Floats:
+        """(terms, p) what one standard uncertainty of each learnt mean moves the estimates by."""
+        responses = self.fit.responses[self.count + 1 :]
+        return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
+
+    @property
+    def lag_s(self) -> float:
+        """How late the force is."""
+        return float(self.posterior[0][place_of("lag", self.terms)])
+
+    @property
+    def terms_t(self) -> dict[str, float]:
+        """By term, how many deviations of what the log tells it is from 0."""
+        value, std = self.posterior
+        found = np.abs(value) / std
+        return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
+
+    @property
+    def main(self) -> int:
+        """The state that most manoeuvres are of."""
+        return 0 if self.states is None else int(np.bincount(self.states.of).argmax())
+
+    def weights(self, state: int) -> Floats:
+        """(masses,) that pick one mass."""
+        out = np.zeros(self.count)
+        out[state] = 1.0
+        return out
+
+    def parts_kg(self, weights: Floats) -> dict[str, float]:
+        """What the standard uncertainty of a sum of masses is made of, by cause.
+
+        Args:
+            weights: (masses,) of each mass in the sum.
+        """
+        wide = np.concatenate([weights, np.zeros(self.fit.theta.size - self.count)])
+        fit = self.fit
+
+        def root(covariance: Floats) -> float:
+            return float(np.sqrt(max(float(wide @ covariance @ wide), 0.0)))
+
+        mass_kg = float(weights @ self.masses_kg)
+        parts = {
+            "noise": root(fit.noise),
+            **{
+                term.name: abs(float(fit.responses[self.count + 1 + i] @ wide))
+                for i, term in enumerate(self.terms)
+            },
+            "channel_noise": abs(float(fit.doubt @ wide)),
+            "scatter": root(fit.scatter),
+            "misfit": root(fit.misfit),
+            "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
+            "averaging": abs(self.averaging_share * mass_kg),
+        }
+        parts |= self._of_wheels(wide, parts["slip"])
+        learnt_kg = np.append(self._of_means @ wide, self._of_wheels_means(wide))
+        if learnt_kg.any():
+            parts["learnt"] = float(np.linalg.norm(learnt_kg))
+        wheels = self.kinematics
+        if wheels is not None and wheels.gain_counts:
+            # a wrong wheel radius is in the force, and in a speed's derivative once more
+            times = 1.0 if self.motion.by_accelerometer else 2.0
+            parts["gain"] = times * abs(wheels.gain[0] * mass_kg)
+        return parts
+
+    def _of_wheels(self, weights: Floats, slip_kg: float) -> dict[str, float]:
+        """What slip, gain and delay, found together, do to a sum of masses, in kg.
+
+        They go together: the part of each is what is left of it once those before are known.
+        """
+        wheels, friction = self.kinematics, max(self.friction[0], 0.0)
+        if wheels is None or not wheels.goes_together:
+            return {}
+        moves = self._moves(weights)
+        width = self.prior_std[place_of("slip", self.terms)]
+        found = moves @ np.linalg.cholesky(wheels.covariance)
+        of_wheels = friction * float(np.sqrt(wheels.covariance[0, 0]))
+        beside = slip_kg * float(np.sqrt(max(1.0 - (of_wheels / width) ** 2, 0.0)))
+        parts = {"slip": float(np.hypot(found[0], beside))}
+        if self.motion.by_accelerometer:
+            parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
+        return parts
+
+    def _of_wheels_means(self, weights: Floats) -> Floats:
+        """What the uncertainties of a calibration's slip, gain and delay do to a sum of masses."""
+        wheels = self.kinematics
+        return np.zeros(0) if wheels is None else self._moves(weights) * wheels.mean_u
+
+    def _moves(self, weights: Floats) -> Floats:
+        """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
+        friction = max(self.friction[0], 0.0)
+        slip = self.count + 1 + place_of("slip", self.terms)
+        # one standard deviation of the prior moves the masses by so much
+        response = float(self.fit.responses[slip] @ weights)
+        width = self.prior_std[place_of("slip", self.terms)]
+        masses_kg = float(weights[: self.count] @ self.masses_kg)
+        return np.array(
+            [
+                -friction * response / width,
+                -masses_kg if self.corrects_gain else 0.0,
+                -friction * float(weights.sum()) if self.motion.by_accelerometer else 0.0,
+            ]
+        )
+
+    @cached_property
+    def masses_kg(self) -> Floats:
+        """(masses,), what the speed's delay and the accelerometer's gain do to them taken off."""
+        late, gain, wheels = 0.0, 0.0, self.kinematics
+        if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
+            late = wheels.delay_s[0]
+        if wheels is not None and self.corrects_gain:
+            gain = wheels.gain_by_prior[0]
+        masses = self.fit.theta[: self.count]
+        return (masses - max(self.friction[0], 0.0) * late) / (1.0 + gain)
+
+    @property
+    def mass_kg(self) -> float:
+        """Of the state that most manoeuvres are of."""
+        return float(self.masses_kg[self.main])
+
+    @property
+    def corrects_gain(self) -> bool:
+        """Whether the accelerometer's gain, as far as its prior has it, is taken off the mass."""
+        wheels = self.kinematics
+        if wheels is None or not self.motion.by_accelerometer:
+            return False
+        return wheels.goes_together and not wheels.gain_counts
+
+    @property
+    def u_kg(self) -> float:
+        """That mass' standard uncertainty by this log alone, without the scale."""
+        return self.u_of(self.weights(self.main))
+
+    def u_of(self, weights: Floats) -> float:
+        """Likewise of a sum of masses, in kg."""
+        return root_sum_of_squares(self.parts_kg(weights))
+
+
+def root_sum_of_squares(parts_kg: dict[str, float]) -> float:
+    """Standard uncertainty of parts that know nothing of each other, in kg."""
+    return float(np.sqrt(sum(part**2 for part in parts_kg.values())))
+
+
+def place_of(name: str, terms: tuple[Nuisance, ...]) -> int:
+    """Where a term stands among the terms."""
+    return [term.name for term in terms].index(name)

@@ -1,0 +1,81 @@
+"""The levels of a first parameter: which group of samples has which, and how they scatter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.estimate import Floats, Ints
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """The first parameter's levels.
+
+    Attributes:
+        of: (groups,) level of each group, from 0, groups in ascending order.
+        unit: (groups,) what scatters as one, from 0; a unit has one level.
+        scatter: standard deviation of the units about their level.
+        freedom: degrees of freedom by which that is known.
+    """
+
+    of: Ints
+    unit: Ints
+    scatter: float = 0.0
+    freedom: float = np.inf
+
+    @property
+    def count(self) -> int:
+        """How many levels there are."""
+        return int(self.of.max()) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class LevelShape:
+    """How p parameters of a group are those of the whole: a level first, then everyone's."""
+
+    levels: Levels
+    p: int
+    scale: float
+
+    def widened(self, values: Floats) -> Floats:
+        """(p,) of a group as (wide,), the first for every level."""
+        return np.concatenate([np.full(self.levels.count, values[0]), values[1:]])
+
+    def by_group(self, theta: Floats) -> Floats:
+        """(groups, p) parameters of each."""
+        of = self.levels.of
+        shared = np.broadcast_to(theta[self.levels.count :], (of.size, self.p - 1))
+        return np.column_stack([theta[of], shared])
+
+    def rows(self, values: Floats) -> Floats:
+        """(groups, wide) of (groups, p)."""
+        count, of = self.levels.count, self.levels.of
+        out = np.zeros((of.size, count + self.p - 1))
+        out[np.arange(of.size), of] = values[:, 0]
+        out[:, count:] = values[:, 1:]
+        return out
+
+    def square(self, values: Floats, of: Ints | None = None) -> Floats:
+        """The sum (wide, wide) of (groups, p, p)."""
+        count, of = self.levels.count, self.levels.of if of is None else of
+        out = np.zeros((count + self.p - 1, count + self.p - 1))
+        np.add.at(out, (of, of), values[:, 0, 0])
+        for j in range(1, self.p):
+            np.add.at(out[:, count + j - 1], of, values[:, 0, j])
+            np.add.at(out[count + j - 1], of, values[:, j, 0])
+        out[count:, count:] = values[:, 1:, 1:].sum(axis=0)
+        return out
+
+    def wide(self, turns: Floats, of: Ints) -> Floats:
+        """(wide, p) of (groups, p, p): what an error that all share does to the scores."""
+        out = np.zeros((self.levels.count + self.p - 1, self.p))
+        np.add.at(out, of, turns[:, 0])
+        out[self.levels.count :] = turns[:, 1:].sum(axis=0)
+        return out
+
+    @property
+    def of_units(self) -> Ints:
+        """(units,) level of each."""
+        out = np.zeros(int(self.levels.unit.max()) + 1, np.int64)
+        out[self.levels.unit] = self.levels.of
+        return out

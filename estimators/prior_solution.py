@@ -1,0 +1,180 @@
+"""The estimates of least squares with normal priors, the noise of the columns taken off.
+
+(G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀ with G the columns' normal equations without their noise:
+errors in variables (Fuller, Measurement Error Models, 1987). Units of a level scatter about it
+(Laird & Ware 1982, Random-effects models for longitudinal data).
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from estimators.autocorrelation import autocovariance_loss, pooled_autocorrelation
+from estimators.estimate import Floats, Ints
+from estimators.group_sums import GroupSums
+from estimators.levels import LevelShape
+
+#: The share of the correction for the columns' noise that is uncertain.
+DOUBT: Final = 0.25
+#: Of a direction's sum of squares, noise is never taken to be more than this.
+_LARGEST_NOISE_SHARE: Final = 0.5
+_ROUNDS: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Turned:
+    """The normal equations of the whole, every unit weighted down by its scatter.
+
+    A unit's scores G δ + e, δ the scatter, have the covariance S = σ² G + τ² g gᵀ with g the first
+    column of G; G S⁻¹ = T / σ² with T = 1 - κ g e₁ᵀ, κ = ρ / (1 + ρ G₁₁) and ρ = τ² / σ².
+
+    Attributes:
+        turns: (units, p, p) T.
+        clean: (wide, wide) T G, without noise.
+        bare: (wide,) T Aᵀf, without noise.
+        gram: (wide, wide) T G with it.
+        taken: (wide,) what all noise does to the scores.
+        scatter: (wide, wide) of the scores by τ alone.
+    """
+
+    turns: Floats
+    clean: Floats
+    bare: Floats
+    gram: Floats
+    taken: Floats
+    scatter: Floats
+
+
+def _turned(
+    sums: GroupSums, shape: LevelShape, kept: float, theta: Floats, variance: float
+) -> Turned:
+    levels, of = shape.levels, shape.of_units
+    each = sums.by(levels.unit)
+    clean = each.grams - kept * each.noise_gram
+    bare = each.crosses - kept * each.noise_cross
+    first = np.zeros((of.size, shape.p))
+    first[levels.unit] = shape.by_group(theta)
+    taken = np.einsum("uij,uj->ui", each.noise_gram, first) - each.noise_cross
+    ratio = (levels.scatter * shape.scale) ** 2 / variance
+    column = clean[:, :, 0]
+    weight = ratio / (1.0 + ratio * np.maximum(column[:, 0], 0.0))
+    turns = np.tile(np.eye(shape.p), (of.size, 1, 1))
+    turns[:, :, 0] -= weight[:, None] * column
+    moved = np.einsum("uij,uj->ui", turns, column)
+    by_tau = variance * ratio * np.einsum("ui,uj->uij", moved, moved)
+    full = each.grams - (ratio / (1.0 + ratio * each.grams[:, 0, 0]))[:, None, None] * np.einsum(
+        "ui,uj->uij", each.grams[:, :, 0], each.grams[:, :, 0]
+    )
+    return Turned(
+        turns,
+        shape.square(turns @ clean, of),
+        _summed(np.einsum("uij,uj->ui", turns, bare), of, levels.count),
+        shape.square(full, of),
+        _summed(np.einsum("uij,uj->ui", turns, taken), of, levels.count),
+        shape.square(by_tau, of),
+    )
+
+
+def _summed(values: Floats, of: Ints, count: int) -> Floats:
+    """The sum (wide,) of (units, p)."""
+    out = np.zeros(count + values.shape[1] - 1)
+    np.add.at(out, of, values[:, 0])
+    out[count:] = values[:, 1:].sum(axis=0)
+    return out
+
+
+class Solved(NamedTuple):
+    """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, the noise's share."""
+
+    theta: Floats
+    bread: Floats
+    gain: Floats
+    residual: Floats
+    correlation: Floats
+    white: float
+    share: float
+    kept: float
+    turned: Turned
+
+
+def solve_with_priors(
+    A: Floats,
+    f: Floats,
+    group: Ints,
+    sums: GroupSums,
+    shape: LevelShape,
+    precision: Floats,
+    believed: Floats,
+    taken: Floats | None,
+) -> Solved:
+    """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
+
+    S is σ² AᵀA, by the residuals' long-run variance, and what is uncertain of the noise's
+    correction: without it more samples of the same would outvote the priors with that error.
+
+    Raises:
+        LinAlgError: the samples do not determine it.
+    """
+    used = group >= 0
+    n = int(used.sum())
+    loss = autocovariance_loss(group, taken)
+    index = np.full(f.size, -1, np.int64)
+    for i, part in enumerate(sums.rows):
+        index[part] = i
+    gram, cross = sums.grams.sum(axis=0), sums.crosses.sum(axis=0)
+    added = sums.noise_gram.sum(axis=0)
+    # the first residuals are the textbook's: from those of nothing fitted, three rounds are too few
+    first = np.linalg.lstsq(gram, cross, rcond=None)[0]
+    left = f - A @ first
+    variance = float(left @ left) / n
+    theta = shape.widened(np.asarray(first, np.float64))
+    wide_precision, wide_believed = shape.widened(precision), shape.widened(believed)
+    solved: Solved | None = None
+    for _ in range(_ROUNDS):
+        if not variance > 0.0:
+            raise np.linalg.LinAlgError("no residuals")
+        share = _noise_share(added, gram + variance * np.diag(precision))
+        kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
+        turned = _turned(sums, shape, kept, theta, variance)
+        if solved is None:
+            found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
+            theta = found @ (turned.bare / variance + wide_believed)
+            turned = _turned(sums, shape, kept, theta, variance)
+        weighed = _weighed(turned.clean, turned.gram, variance, doubted_share(kept) * turned.taken)
+        bread = np.asarray(
+            np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
+        )
+        theta = bread @ (weighed @ turned.bare + wide_believed)
+        own = shape.by_group(theta)
+        residual = np.where(used, f - np.einsum("ni,ni->n", A, own[index]), 0.0)
+        correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
+        white = float(residual @ residual) / (n - theta.size)
+        gain = bread @ weighed
+        solved = Solved(theta, bread, gain, residual, correlation, white, share, kept, turned)
+        variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
+    assert solved is not None
+    return solved
+
+
+def doubted_share(kept: float) -> float:
+    """The uncertain share of the noise; what was not taken off is doubted whole."""
+    return DOUBT * kept + (1.0 - kept)
+
+
+def _weighed(clean: Floats, gram: Floats, variance: float, doubted: Floats) -> Floats:
+    """G S⁻¹ with S = σ² AᵀA and one error that is common to all samples."""
+    S = variance * gram + np.outer(doubted, doubted)
+    return np.linalg.solve(S + 1e-12 * np.trace(S) * np.eye(len(S)), clean).T
+
+
+def _noise_share(noise: Floats, gram: Floats) -> float:
+    """The largest share of noise in a direction of the columns."""
+    if not noise.any():
+        return 0.0
+    try:
+        root = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        return np.inf
+    half = np.linalg.solve(root, noise)
+    return float(np.linalg.eigvalsh(np.linalg.solve(root, half.T))[-1])
