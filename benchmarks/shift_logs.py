@@ -1,6 +1,6 @@
-"""Shifts whose machine, ground, loads, operator and recorder are drawn, as logs, and what is found.
+"""Shifts that are drawn as logs (machine, ground, loads, operator, recorder), and what is found.
 
-What is drawn, and from what, is in `RANGES` and `drawn_shift`; no range was chosen by what came out.
+What is drawn, and from what, is in `RANGES` and `drawn_shift`.
 """
 
 import json
@@ -108,6 +108,7 @@ class ShiftFound:
 
     @property
     def f1(self) -> float:
+        """Of all cycles."""
         return 2.0 * self.right / max(self.true + self.found, 1)
 
     @property
@@ -117,6 +118,7 @@ class ShiftFound:
 
     @property
     def whole_u_t(self) -> float:
+        """The standard uncertainty of the sum."""
         return float(np.hypot(*self.u_t))
 
     @property
@@ -220,9 +222,7 @@ def _sections(dice: np.random.Generator, seed: int, hours: float, break_s: float
     }
 
 
-def reviewed_shift(
-    seed: int, folder: Path, hours: float = 2.0, break_s: float = 0.0
-) -> ShiftFound:
+def reviewed_shift(seed: int, folder: Path, hours: float = 2.0, break_s: float = 0.0) -> ShiftFound:
     """Simulate a shift as MCAP logs, replay them in one time line, compare.
 
     Args:

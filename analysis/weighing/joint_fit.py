@@ -43,6 +43,9 @@ _LAG_FOUND_S: Final = 1e-4
 _MOST_OFFSET: Final = 3.0
 #: A lag is looked for up to here.
 _LONGEST_LAG_S: Final = 0.3
+#: Errors of the motion that show what such ones do to the masses.
+_LATER_S: Final = 0.005
+_LARGER: Final = 0.01
 #: What the wheels say of slip is never trusted beyond this share of its prior.
 _LEAST_SLIP: Final = 0.05
 
@@ -59,6 +62,23 @@ class PriorMeans:
 
     mean: Floats
     mean_u: Floats
+
+
+@dataclass(frozen=True)
+class MotionResponses:
+    """What an error of the motion moves the masses by, (masses,).
+
+    On level ground all masses by the same share, so that it is a share of their differences. On a
+    slope that is driven up empty and down with a load, gravity's part of a specific force has no
+    such error, and the difference has all of it.
+
+    Attributes:
+        delay_kg_s: a speed that is later, a second of it.
+        gain_kg: an acceleration that is larger, gravity's part not, a share of 1 of it.
+    """
+
+    delay_kg_s: Floats
+    gain_kg: Floats
 
 
 @dataclass(frozen=True)
@@ -79,6 +99,7 @@ class JointFit:
         shifted: whether the force was moved back by the lag.
         averaging_share: what a longer mean changes, where the mass depends on its length.
         prior_means: and their uncertainty.
+        by_motion: what an error of the motion does; None where level ground is taken for granted.
     """
 
     terms: tuple[Nuisance, ...]
@@ -93,6 +114,7 @@ class JointFit:
     shifted: bool
     prior_means: PriorMeans
     averaging_share: float = 0.0
+    by_motion: MotionResponses | None = None
 
     @property
     def count(self) -> int:
@@ -173,7 +195,8 @@ class JointFit:
         if wheels is not None and wheels.gain_counts:
             # a wrong wheel radius is in the force, and in a speed's derivative once more
             times = 1.0 if self.motion.by_accelerometer else 2.0
-            parts["gain"] = times * abs(wheels.gain[0] * mass_kg)
+            moved_kg = 0.0 if self.by_motion is None else float(weights @ self.by_motion.gain_kg)
+            parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
     def _of_wheels(self, weights: Floats, slip_kg: float) -> dict[str, float]:
@@ -206,12 +229,16 @@ class JointFit:
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
         width = self.prior_std[_place("slip", self.terms)]
-        masses_kg = float(weights[: self.count] @ self.masses_kg)
+        of_masses = weights[: self.count]
+        masses_kg = float(of_masses @ self.masses_kg)
+        late = -friction * float(weights.sum())
+        if self.by_motion is not None:
+            late = float(of_masses @ self.by_motion.delay_kg_s)
         return np.array(
             [
                 -friction * response / width,
                 -masses_kg if self.corrects_gain else 0.0,
-                -friction * float(weights.sum()) if self.motion.by_accelerometer else 0.0,
+                late if self.motion.by_accelerometer else 0.0,
             ]
         )
 
@@ -220,7 +247,7 @@ class JointFit:
         """(masses,), what the speed's delay and the accelerometer's gain do to them taken off."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
-            late = wheels.delay_s[0]
+            late = wheels.delay_s[0] - self.found.speed_late_s
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
         masses = self.fit.theta[: self.count]
@@ -324,6 +351,22 @@ def again(
     return replace(fitted, lag_shape_kg=found.lag_shape_kg, averaging_share=found.averaging_share)
 
 
+def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+    """Find what errors of the motion do to each mass, by fitting once more with each."""
+    if found.kinematics is None or not found.motion.by_accelerometer:
+        return found
+    known, count = found.found, found.count
+
+    def moved(changed: EarlierRounds, by: float) -> Floats:
+        other = again(replace(found, found=changed), noise, priors)
+        return (other.fit.theta[:count] - found.fit.theta[:count]) / by
+
+    later = replace(known, speed_late_s=known.speed_late_s + _LATER_S)
+    larger = replace(known, motion_gain=_LARGER)
+    responses = MotionResponses(moved(later, _LATER_S), moved(larger, _LARGER))
+    return replace(found, by_motion=responses)
+
+
 def with_states(
     found: JointFit, noise: NoiseOfColumns, priors: PriorSettings, repeatability_kg: float | None
 ) -> JointFit:
@@ -375,7 +418,11 @@ class _Task:
         levels = None if self.states is None else self.states.levels(self.motion)
         # behind the masses and friction
         first = 2 if levels is None else levels.count + 1
-        known = begin.found if begin else EarlierRounds(slip_1_N=self._slip())
+        known = (
+            begin.found
+            if begin
+            else EarlierRounds(slip_1_N=self._slip(), speed_late_s=self._speed_late_s())
+        )
         known = known if shift else replace(known, lag_s=0.0)
         fitted, mean, known_s = None, std, 0.0
         friction = begin.friction[0] if begin else None
@@ -453,6 +500,12 @@ class _Task:
             np.append(np.inf, std),
             np.unique(stretch_units(self.motion), return_inverse=True)[1],
         )
+
+    def _speed_late_s(self) -> float:
+        """How late the speed is, where wheels and accelerometer tell it."""
+        wheels = self.wheels
+        told = wheels is not None and wheels.goes_together and self.motion.by_accelerometer
+        return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _slip(self) -> float:
         """What share of its speed a newton makes the wheels slip."""

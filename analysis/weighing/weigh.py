@@ -12,7 +12,7 @@ from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.growth import Growth, growing
-from analysis.weighing.joint_fit import JointFit, again, joint_fit, with_states
+from analysis.weighing.joint_fit import JointFit, again, joint_fit, with_responses, with_states
 from analysis.weighing.nuisances import CURVATURE
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
@@ -157,6 +157,7 @@ def weigh(
                 fit = of_states(driving) if left_out else fit
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
+    fit = with_responses(fit, columns, priors)
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
     return Weighing(
         fit,
