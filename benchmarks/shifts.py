@@ -4,8 +4,8 @@
                                    [--read FILE] [--write]
 
 Simulates shifts of two hours as logs and replays each in one time line, then some more with an hour
-of idling in the middle. `--json` keeps what was found, a line a shift, as it comes, and goes on where
-it ended; `--read` makes the tables of that without another run; `--write` puts them into
+of idling in the middle. `--json` keeps what was found, a line a shift, as it comes, and goes on
+where it ended; `--read` makes the tables of that without another run; `--write` puts them into
 docs/reviewing-a-shift.md.
 """
 

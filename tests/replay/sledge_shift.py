@@ -1,5 +1,6 @@
 """A shift of the sledge: pushed empty, loaded, pushed with the load, emptied, again and again."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
@@ -13,9 +14,7 @@ PAYLOADS_KG = (40.0, 30.0, 50.0, 35.0, 45.0)
 _HALF_S = 20.0
 
 
-def sledge_shift(
-    payloads_kg: tuple[float, ...] = PAYLOADS_KG, begin_s: float = 0.0
-) -> pl.DataFrame:
+def sledge_shift(payloads_kg: Sequence[float] = PAYLOADS_KG, begin_s: float = 0.0) -> pl.DataFrame:
     """The log as a table.
 
     Args:
