@@ -57,12 +57,13 @@ def command(
     if as_json:
         print_json(made.to_dict())
     else:
-        _print(console(), made)
+        print_review(console(), made)
     if not made.shift["cycles_counted"]:
         raise typer.Exit(1)
 
 
-def _print(screen: "Console", made: "Reviewed") -> None:
+def print_review(screen: "Console", made: "Reviewed") -> None:
+    """Print a review's sums, what is wrong with it, and where its page is."""
     from recordings.review.page import NOT_CALIBRATED, PAGE, facts, headline
     from replay.commands.printing import print_line
 
