@@ -1,4 +1,4 @@
-"""The demo: the paper's campaign, simulated as real logs, calibrated, and its evidence verified."""
+"""The demo: the paper's campaign as real logs, calibrated, verified; and a shift, reviewed."""
 
 import shutil
 from collections.abc import Callable, Sequence
@@ -15,21 +15,39 @@ from analysis.calibration.by_method import calibrate_methods, calibration_frame,
 from analysis.calibration.straight_line import rms_errors
 from analysis.calibration.trials import run_estimates
 from analysis.simulation import Scenario
+from analysis.simulation.shift import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
 from recordings.output import check_folder, check_output, whole_file
 from replay.calibrate import Calibrated, calibrate
+from replay.calibrated import AskedCalibration
 from replay.demo_campaign import demo_campaign
 from replay.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
 from replay.readers import open_log
+from replay.review import Reviewed, ReviewOptions, review
 from replay.simulate import simulate
 from replay.truth import true_trials, truth_path
 from replay.verify import Verified, verify
 
 _MACHINE = Path("cat262c.toml")
 #: What `on_stage` is told, in order.
-STEPS: Final = ("simulate", "calibrate", "verify", *STAGES, "record")
+STEPS: Final = ("simulate", "calibrate", "verify", *STAGES, "record", "review")
+#: Ten minutes of work with the machine that was calibrated, with loads inside the range of that.
+_SHIFT: Final = SimulatedShift(
+    duration_h=0.15,
+    logs=2,
+    load_kg=180.0,
+    load_std_kg=30.0,
+    load_least_kg=120.0,
+    load_most_kg=240.0,
+    carry_back_kg=4.0,
+    carry_back_most_kg=15.0,
+    fuel_tank_kg=0.0,
+    fuel_kg_h=0.0,
+    idle_share=0.0,
+)
+_TARGET_KG: Final = 200.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +59,7 @@ class Demo:
     calibration: pl.DataFrame
     errors: pl.DataFrame
     answer: Answer
+    reviewed: Reviewed
     files: tuple[Path, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -51,12 +70,15 @@ class Demo:
             "calibration": self.calibration.to_dicts(),
             "errors": self.errors.to_dicts(),
             "answer": self.answer.to_dict(),
+            "review": self.reviewed.to_dict(),
             "files": [str(path) for path in self.files],
         }
 
 
 def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None]) -> Demo:
     """Simulate, calibrate, verify the evidence, replay in one time line, record, draw.
+
+    Then a shift of the same machine is simulated and reviewed under that evidence.
 
     Args:
         folder: where the files go; made when it is not there.
@@ -74,9 +96,11 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     machine_file = folder / _MACHINE.name
     recording, picture = folder / "campaign.rrd", folder / "campaign.png"
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
+    shift, page = folder / "shift.mcap", folder / "review"
     for output in (machine_file, campaign_file, recording, picture):
         check_output(output, force=force)
     check_folder(evidence, force=force)
+    check_folder(page, force=force)
     with whole_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")
@@ -93,15 +117,20 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     on_stage("record")
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
+    on_stage("review")
+    hauled = simulate(scenario.model_copy(update={"shift": _SHIFT}), shift, force=force)
+    asked = ReviewOptions(calibration=AskedCalibration(evidence), target_kg=_TARGET_KG)
+    reviewed = review(hauled, machine_file, page, asked)
     return Demo(
         calibrated,
         verified,
         replayed.frames["calibration"],
         rms_errors(replayed.frames["calibration"]),
         answer(replayed, str(recording)),
+        reviewed,
         (
             *(*logs, *map(truth_path, logs), machine_file, campaign_file),
-            *(evidence, recording, picture),
+            *(evidence, recording, picture, *hauled, page),
         ),
     )
 

@@ -4,7 +4,6 @@ import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
-from itertools import pairwise
 from typing import Any
 
 import polars as pl
@@ -13,10 +12,9 @@ from analysis.machine import Machine
 from analysis.run import InputFile, Loss, Provenance
 from analysis.schema import HINTS
 from estimators.errors import LogError, nearest
+from replay.joined import joined
 from replay.readers import Log
 
-#: Logs of one time line may reach into each other by no more, as parts of a split recording do.
-_OVERLAP_NS = 1_000_000_000
 #: A field picked by name, `effort[left]`, beside the list of names that picks it.
 _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
 _MOST_NAMES = 32
@@ -38,7 +36,8 @@ def read_channels(
         topics of mere hints that no log has. And what was lost on the way.
 
     Raises:
-        LogError: a topic that no log has, that has no message, or that two logs have at one time.
+        LogError: a topic that no log has, that has no message, or of which two logs have other
+            messages at one time.
     """
     wanted: dict[str, list[str]] = {}
     for channel in machine.channels.values():
@@ -72,9 +71,7 @@ def read_channels(
     raw: dict[str, pl.DataFrame] = {}
     for topic in wanted:
         parts = {log: frames.pop(topic) for log, frames in read.items() if topic in frames}
-        _refuse_overlap(topic, parts)
-        # a column of whole numbers in one table may have fractions in the next
-        frame = pl.concat(parts.values(), how="vertical_relaxed")
+        frame = joined(topic, parts)
         holders = list(parts)
         if frame.is_empty() and topic in hints:
             losses.append(
@@ -85,7 +82,7 @@ def read_channels(
             why = [f": {loss.what}" for log in holders for loss in log.losses()]
             raise LogError(f"{holders[0].path}: topic '{topic}' has no messages{''.join(why[:1])}")
         _refuse_unknown_names(holders[0], topic, frame)
-        raw[topic] = frame.sort("log_time_ns", maintain_order=True)
+        raw[topic] = frame
     for log in logs:
         losses += log.losses()
     return raw, losses
@@ -123,21 +120,6 @@ def _refuse_unknown_names(log: Log, topic: str, frame: pl.DataFrame) -> None:
             raise LogError(
                 f"{log.path}: topic '{topic}' has no '{named['name']}' for the field '{field}'; "
                 f"{nearest(named['name'], known)}"
-            )
-
-
-def _refuse_overlap(topic: str, parts: Mapping[Log, pl.DataFrame]) -> None:
-    """Two recordings of one topic at one time would be shuffled into one."""
-    spans = sorted(
-        (frame["log_time_ns"][0], frame["log_time_ns"][-1], str(log.path))
-        for log, frame in parts.items()
-        if frame.height
-    )
-    for (_, end, first), (start, _, second) in pairwise(spans):
-        if end - start > _OVERLAP_NS:
-            raise LogError(
-                f"{second}: topic '{topic}' begins {(end - start) / 1e9:.3f} s before it ends in "
-                f"{first}; logs of one time line follow each other: replay these one by one"
             )
 
 

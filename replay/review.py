@@ -11,17 +11,17 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.calibration import Calibration
+from analysis.calibration.learnt import contradiction
 from analysis.cycles.calibrated import calibrated_cycles
 from analysis.cycles.shift import recounted
 from analysis.cycles.target import TargetCheck, check_target
 from analysis.machine import Machine
 from analysis.run import Run
-from estimators.errors import DataError, EvidenceError, OutputError, RecordingError, ReviewError
+from estimators.errors import DataError, OutputError, RecordingError, ReviewError
 from recordings import read_frame, write_recording
 from recordings.output import staged
 from recordings.review.ledger import CSV, PARQUET, identities, ledger, write_ledger
-from recordings.review.page import PAGE, ReviewPage, review_html
+from recordings.review.page import PAGE, ReviewPage, UsedCalibration, review_html
 from recordings.review.state import (
     FORMAT,
     RECORDING,
@@ -32,11 +32,12 @@ from recordings.review.state import (
     state_of,
 )
 from recordings.review.verdicts import VERDICTS, matched, read_verdicts
-from replay.calibrate import before_of
+from replay.calibrated import AskedCalibration, MachineCalibration, load_calibration
 from replay.inputs import input_files, resolved, versions
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import run
 from replay.readers import Log, open_log
+from replay.shift_inputs import in_time, logs_in
 
 _LOCK: Final = ".lock"
 _STAGE: Final = ".payscope-"
@@ -61,6 +62,7 @@ class Reviewed:
         ledger: its rows.
         shift: frame `shift`, as reviewed.
         state: what it was made of.
+        calibration: whose line the payloads are on.
         target: 10/10/20, where a target was given.
         replayed: whether the logs were replayed, or nothing that a replay depends on had changed.
     """
@@ -69,6 +71,7 @@ class Reviewed:
     ledger: pl.DataFrame
     shift: dict[str, Any]
     state: ReviewState
+    calibration: UsedCalibration
     target: TargetCheck | None
     replayed: bool
 
@@ -80,6 +83,7 @@ class Reviewed:
             "target": None if self.target is None else self.target._asdict(),
             "can_weigh": self.state.can_weigh,
             "losses": list(self.state.losses),
+            "calibration": self.calibration._asdict(),
             "replayed": self.replayed,
         }
 
@@ -90,13 +94,13 @@ class ReviewOptions:
 
     Attributes:
         overrides: `key=value`, of the machine file.
-        calibration: folder of evidence.
+        calibration: evidence, and what is asked of it.
         target_kg: of a load.
         full: whether the recording keeps every sample and every intermediate.
     """
 
     overrides: Sequence[str] = ()
-    calibration: Path | None = None
+    calibration: AskedCalibration | None = None
     target_kg: float | None = None
     full: bool = False
 
@@ -114,7 +118,7 @@ def review(
     shift: another log, or another byte in one, is another fit. What is kept is the whole replay.
 
     Args:
-        logs: of the shift, in any order.
+        logs: of the shift, in any order; a folder stands for all in it.
         machine_file: the machine file, or the name of a shipped one.
         folder: to write; what a review wrote there before is replaced.
         options: see `ReviewOptions`.
@@ -123,22 +127,28 @@ def review(
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
-    machine = load_machine(machine_file, options.overrides)
-    line, about_line = _calibration(options.calibration)
+    machine, by = load_machine(machine_file, options.overrides), None
+    if options.calibration is not None:
+        by = load_calibration(options.calibration)
+        machine = by.checked(by.weighing(machine), machine_file)
+    logs = logs_in(logs)
     with _locked(folder), ExitStack() as stack:
         verdicts = read_verdicts(folder)
         on_stage("open")
-        opened = _in_time(
-            [stack.enter_context(open_log(path, time=time_axis(machine))) for path in _once(logs)]
+        opened = in_time(
+            [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         )
-        plain = _resolved(machine, options, about_line)
+        if by is not None:
+            by.check_days(opened)
+        plain = _resolved(machine, options, by)
         key = _key(opened, machine, full=options.full)
         before = read_state(folder)
         kept = _kept(folder, before, key)
         made = kept or _replayed(opened, machine, logs, machine_file, on_stage)
-        cycles, summary = made.cycles, made.shift
-        if line is not None:
-            cycles = calibrated_cycles(cycles, line)
+        cycles, summary, against = made.cycles, made.shift, ""
+        if by is not None:
+            against = contradiction(_nuisances(made, folder))
+            cycles = cycles if against else calibrated_cycles(cycles, by.calibration)
         said = matched(verdicts, identities(cycles, made.t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in said.items() if each.reject]
         summary = recounted(summary, cycles, rejected)
@@ -166,13 +176,13 @@ def review(
                 summary.row(0, named=True),
                 target,
                 None if before is None else _changes(before, state),
-                about_line,
+                UsedCalibration("" if by is None else by.says, against),
                 made.track,
             )
             write_ledger(rows, stage)
             (stage / PAGE).write_text(review_html(page), encoding="utf-8")
             (stage / STATE).write_text(state.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    return Reviewed(folder, rows, dict(page.shift), state, target, kept is None)
+    return Reviewed(folder, rows, dict(page.shift), state, page.calibration, target, kept is None)
 
 
 @dataclass(frozen=True)
@@ -249,33 +259,11 @@ def _track(aligned: pl.DataFrame) -> pl.DataFrame | None:
     return known.gather_every(max(known.height // _TRACK_POINTS, 1))
 
 
-def _calibration(folder: Path | None) -> tuple[Calibration | None, str]:
-    """The line of evidence that is checked, and what it is in words."""
-    if folder is None:
-        return None, ""
-    document = before_of(folder, None).document
-    if document is None or document.calibration is None:
-        raise EvidenceError(f"{folder}: has no calibration line; name evidence that has one")
-    signed = "unsigned" if document.signer is None else f"signed, key {document.signer.key_id[:12]}"
-    return document.calibration, (
-        f"evidence {document.id} of {document.machine.machine.name}, made {document.made}, "
-        f"expires {document.expires.isoformat()}, {signed}"
-    )
-
-
-def _once(logs: Sequence[Path]) -> list[Path]:
-    """Each log once, however often it is named."""
-    return list({path.resolve(): path for path in logs}.values())
-
-
-def _in_time(logs: list[Log]) -> list[Log]:
-    """By their first message, so that the order on the command line does not matter."""
-
-    def begins(log: Log) -> tuple[int, str]:
-        first = log.topics()["start_ns"].min()
-        return (first if isinstance(first, int) else 0, str(log.path))
-
-    return sorted(logs, key=begins)
+def _nuisances(made: ReplayedShift, folder: Path) -> pl.DataFrame:
+    """Of the replay, or as its recording has them."""
+    if made.run is None:
+        return read_frame(folder / RECORDING, "nuisances")
+    return made.run.frames["nuisances"]
 
 
 def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
@@ -291,13 +279,15 @@ def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
 
 
-def _resolved(machine: Machine, options: ReviewOptions, calibration: str) -> dict[str, Any]:
+def _resolved(
+    machine: Machine, options: ReviewOptions, by: MachineCalibration | None
+) -> dict[str, Any]:
     return {
         **resolved(machine),
         "settings": machine.settings.model_dump(mode="json"),
         "versions": versions(),
         "target_kg": options.target_kg,
-        "calibration": calibration or "none",
+        "calibration": "none" if by is None else f"evidence {by.document.id}",
     }
 
 

@@ -1,12 +1,13 @@
 """Payloads of cycles under a calibration line."""
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
 
 from analysis.calibration.calibration import Calibration
-from analysis.schema import conform
+from analysis.schema import QUALITY, conform
 from estimators.errors import DataError, nearest
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
@@ -19,6 +20,8 @@ def calibrated_cycles(cycles: pl.DataFrame, calibration: Calibration) -> pl.Data
 
     What the line does not know is common to all cycles; it stands beside what the log has in
     common, which is not taken off: a calibration holds for the machine, nuisances are the log's.
+
+    A cycle whose load is outside of what was calibrated has no payload, and says so.
 
     Args:
         cycles: the frame.
@@ -49,5 +52,24 @@ def calibrated_cycles(cycles: pl.DataFrame, calibration: Calibration) -> pl.Data
         "payload_u_common_kg": common_kg,
         "payload_u_kg": np.hypot(random_kg, common_kg),
     }
-    columns = [pl.Series(name, value).fill_nan(None) for name, value in found.items()]
-    return conform("cycles", cycles.with_columns(columns))
+    reasons = pl.Series("reason", [_outside(row, calibration) for row in cycles.to_dicts()])
+    refused = reasons.to_numpy() != ""
+    columns = [
+        pl.Series(name, np.where(refused, np.nan, value)).fill_nan(None)
+        for name, value in found.items()
+    ]
+    said = cycles.with_columns(*columns, refused=pl.Series(refused), reason=reasons).with_columns(
+        quality=pl.when("refused").then(pl.lit("no mass", QUALITY)).otherwise("quality"),
+        counted=pl.col("counted") & ~pl.col("refused"),
+        withheld_for=pl.when("refused").then("reason").otherwise("withheld_for"),
+    )
+    return conform("cycles", said.drop("refused", "reason"))
+
+
+def _outside(row: Mapping[str, Any], calibration: Calibration) -> str:
+    """Why a cycle is none of the line's; "" where it is, or has no mass anyway."""
+    name = "loaded" if calibration.method == _OF_MASS else "payload"
+    mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
+    if row["payload_kg"] is None:
+        return ""
+    return calibration.calibrated(mass_kg, u_kg, row["manoeuvres"]).reason

@@ -203,9 +203,13 @@ def _tare_share(found: Passes) -> Floats:
 def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
     """What a payload is off since another load was carried back before, as a variance."""
     variance = 2.0 * _carried_variance(found)
-    if part.before is None or part.loaded is None:
+    if part.loaded is None:
         return 0.0
-    return variance * (1.0 if part.after is None else share[part.loaded] ** 2)
+    before = 0.0 if part.before is None else 1.0 if part.after is None else share[part.loaded]
+    # an empty pass beyond the next load has another cycle's
+    own = part.after is None or part.after == part.loaded + 1
+    after = 0.0 if own else 1.0 - before
+    return variance * (before**2 + after**2)
 
 
 def _cleanest(found: Passes) -> tuple[float, float]:

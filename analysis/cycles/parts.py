@@ -7,15 +7,13 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.passes import Passes
+from analysis.cycles.passes import ONE_FILLING_NS, Passes
 from analysis.schema import values
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _NS: Final = 1e9
-#: Starts that dig with nothing else between are one filling of the bucket, if no further apart.
-_ONE_FILLING_S: Final = 60.0
 #: A boom that moves by so much while the machine stands tells when it dumps.
 _BOOM_MOVES_RAD: Final = 0.15
 #: So long without a sample it may have dumped there as well.
@@ -66,7 +64,7 @@ def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
                 now is not None
                 and now.loaded is None
                 and now.dig_ns is not None
-                and start_ns - now.dig_ns[1] < _ONE_FILLING_S * _NS
+                and start_ns - now.dig_ns[1] < ONE_FILLING_NS
             )
             inside = (
                 now is not None
@@ -108,7 +106,7 @@ def dump_times(
 ) -> None:
     """Find when each load is dumped: the stand after it in which the boom moves most.
 
-    Without a boom the longest stand. Nothing where the next pass is not empty.
+    Without a boom the longest stand. Nothing where it is neither empty nor digs afterwards.
 
     Args:
         cycles: get their `dump_ns`.
@@ -119,11 +117,17 @@ def dump_times(
     t_ns = excitation["t_ns"].to_numpy()
     stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
     boom = values(aligned, "boom_rad")
-    for cycle in cycles:
-        if cycle.loaded is None or cycle.after != cycle.loaded + 1:
+    for cycle, later in zip(cycles, [*cycles[1:], None], strict=True):
+        if cycle.loaded is None:
             continue
-        between = [found.end_ns[cycle.loaded], found.start_ns[cycle.after]]
-        first, last = np.searchsorted(t_ns, between)
+        ready = int(found.end_ns[cycle.loaded])
+        if cycle.after == cycle.loaded + 1:
+            empty = int(found.start_ns[cycle.after])
+        elif later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
+            empty = later.dig_ns[0]
+        else:
+            continue
+        first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         stand = _stand(stands[part], boom[part], t_ns[part])
         hole = None if stand is not None and stand[2] else _hole(t_ns[part])

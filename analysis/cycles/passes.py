@@ -21,6 +21,8 @@ _APART: Final = 4.0
 _FEWEST: Final = 4
 #: Standard deviation over the median absolute deviation of a normal distribution.
 _MAD: Final = 1.4826
+#: Starts that dig with nothing else between are one filling of the bucket, if no further apart.
+ONE_FILLING_NS: Final = 60 * 10**9
 #: Empty and loaded passes differ among themselves by at least these shares of a load: what is
 #: carried back has a long tail, and so have loads.
 _LEAST_LIGHT: Final = 0.05
@@ -72,7 +74,9 @@ def passes(loads: pl.DataFrame, manoeuvres: pl.DataFrame, digs: pl.DataFrame) ->
     if loaded is None:
         return None
     of_state = loaded[state]
-    of = np.cumsum(np.append(0, np.diff(of_state) != 0)).astype(np.int64)
+    parts = np.diff(of_state) != 0
+    parts[_filled_again(of_state, begin, end, digs)] = True
+    of = np.cumsum(np.append(0, parts)).astype(np.int64)
     total = np.bincount(of, weight)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
@@ -85,6 +89,26 @@ def passes(loads: pl.DataFrame, manoeuvres: pl.DataFrame, digs: pl.DataFrame) ->
         begin[first],
         end[last],
     )
+
+
+def _filled_again(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> list[int]:
+    """Places before which a loaded machine digs, so late that it was empty in between.
+
+    No start tells of the empty drive: it was too short, or nothing was recorded.
+    """
+    found: list[int] = []
+    last_ns = -ONE_FILLING_NS
+    for start, stop in digs.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
+        after = int(np.searchsorted(begin, start, "left"))
+        if 0 < after < loaded.size and loaded[after - 1] and loaded[after]:
+            empties = np.flatnonzero(~loaded[:after])
+            first = int(empties[-1]) + 1 if empties.size else 0
+            since_ns = max(int(begin[first]), last_ns)
+            # what drives while it is seen to dig is no haul
+            if start - since_ns > ONE_FILLING_NS and end[after - 1] <= start:
+                found.append(after - 1)
+        last_ns = stop
+    return found
 
 
 def _labels(mass_kg: Floats, state: Ints, begin: Ints, end: Ints, digs: pl.DataFrame) -> Ints:

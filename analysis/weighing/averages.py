@@ -42,6 +42,8 @@ class EarlierRounds:
         transfer_s2_m: share of the force that the measured wheels gain a m/s² of acceleration.
         offset_N: what the measured force is too large by.
         slip_s_m: what slip costs, as a share of the force a m/s.
+        speed_late_s: how late the speed is, by the wheels.
+        motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
     """
 
     lag_s: float = 0.0
@@ -49,6 +51,8 @@ class EarlierRounds:
     transfer_s2_m: float = 0.0
     offset_N: float = 0.0
     slip_s_m: float = 0.0
+    speed_late_s: float = 0.0
+    motion_gain: float = 0.0
 
     def acting(self, motion: Equation) -> Floats:
         """The force on the ground, (n,) in N, of a motion whose force is in time."""
@@ -95,11 +99,18 @@ def averages(
     """
     rows = np.arange(motion.force.size, dtype=np.float64)
     in_time = motion.with_force_moved_back(found.lag_s)
-    force, acting = in_time.force, found.acting(in_time)
+    if found.speed_late_s:
+        # what a late speed does to friction goes with the motion, which a specific force is not
+        in_time = in_time.with_speed_moved_back(found.speed_late_s)
+    force, acting, speed = in_time.force, found.acting(in_time), in_time.speed
+    acceleration = motion.acceleration
+    if found.motion_gain:
+        own = acceleration if motion.without_gravity is None else motion.without_gravity
+        acceleration = acceleration + found.motion_gain * own
     raw = Moments(
-        motion.acceleration,
-        motion.speed,
-        ground_speed(motion.speed, acting, found.slip_1_N),
+        acceleration,
+        speed,
+        ground_speed(speed, acting, found.slip_1_N),
         acting,
         _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
         motion.direction,

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
-from analysis.weighing.joint_result import JointFit, PriorMeans, place_of
+from analysis.weighing.joint_result import JointFit, MotionResponses, PriorMeans, place_of
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Nuisance, const_width, offset_in_const
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
@@ -44,6 +44,9 @@ _LAG_FOUND_S: Final = 1e-4
 _MOST_OFFSET: Final = 3.0
 #: A lag is looked for up to here.
 _LONGEST_LAG_S: Final = 0.3
+#: Errors of the motion that show what such ones do to the masses.
+_LATER_S: Final = 0.005
+_LARGER: Final = 0.01
 #: What the wheels say of slip is never trusted beyond this share of its prior.
 _LEAST_SLIP: Final = 0.05
 
@@ -143,6 +146,22 @@ def again(
     return replace(fitted, lag_shape_kg=found.lag_shape_kg, averaging_share=found.averaging_share)
 
 
+def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+    """Find what errors of the motion do to each mass, by fitting once more with each."""
+    if found.kinematics is None or not found.motion.by_accelerometer:
+        return found
+    known, count = found.found, found.count
+
+    def moved(changed: EarlierRounds, by: float) -> Floats:
+        other = again(replace(found, found=changed), noise, priors)
+        return (other.fit.theta[:count] - found.fit.theta[:count]) / by
+
+    later = replace(known, speed_late_s=known.speed_late_s + _LATER_S)
+    larger = replace(known, motion_gain=_LARGER)
+    responses = MotionResponses(moved(later, _LATER_S), moved(larger, _LARGER))
+    return replace(found, by_motion=responses)
+
+
 def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes."""
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
@@ -196,7 +215,11 @@ class _Task:
         levels = None if self.states is None else self.states.levels(self.motion)
         # behind the masses and friction
         first = 2 if levels is None else levels.count + 1
-        known = begin.found if begin else EarlierRounds(slip_1_N=self._slip())
+        known = (
+            begin.found
+            if begin
+            else EarlierRounds(slip_1_N=self._slip(), speed_late_s=self._speed_late_s())
+        )
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
         friction = begin.friction[0] if begin else None
@@ -274,6 +297,12 @@ class _Task:
             np.append(np.inf, std),
             np.unique(stretch_units(self.motion), return_inverse=True)[1],
         )
+
+    def _speed_late_s(self) -> float:
+        """How late the speed is, where wheels and accelerometer tell it."""
+        wheels = self.wheels
+        told = wheels is not None and wheels.goes_together and self.motion.by_accelerometer
+        return wheels.delay_s[0] if wheels is not None and told else 0.0
 
     def _slip(self) -> float:
         """What share of its speed a newton makes the wheels slip."""

@@ -28,6 +28,23 @@ class PriorMeans:
 
 
 @dataclass(frozen=True)
+class MotionResponses:
+    """What an error of the motion moves the masses by, (masses,).
+
+    On level ground all masses by the same share, so that it is a share of their differences. On a
+    slope that is driven up empty and down with a load, gravity's part of a specific force has no
+    such error, and the difference has all of it.
+
+    Attributes:
+        delay_kg_s: a speed that is later, a second of it.
+        gain_kg: an acceleration that is larger, gravity's part not, a share of 1 of it.
+    """
+
+    delay_kg_s: Floats
+    gain_kg: Floats
+
+
+@dataclass(frozen=True)
 class JointFit:
     """The fit, and how it came about.
 
@@ -45,6 +62,7 @@ class JointFit:
         shifted: whether the force was moved back by the lag.
         averaging_share: what a longer mean changes, where the mass depends on its length.
         prior_means: and their uncertainty.
+        by_motion: what an error of the motion does; None where level ground is taken for granted.
     """
 
     terms: tuple[Nuisance, ...]
@@ -59,6 +77,7 @@ class JointFit:
     shifted: bool
     prior_means: PriorMeans
     averaging_share: float = 0.0
+    by_motion: MotionResponses | None = None
 
     @property
     def count(self) -> int:
@@ -139,7 +158,8 @@ class JointFit:
         if wheels is not None and wheels.gain_counts:
             # a wrong wheel radius is in the force, and in a speed's derivative once more
             times = 1.0 if self.motion.by_accelerometer else 2.0
-            parts["gain"] = times * abs(wheels.gain[0] * mass_kg)
+            moved_kg = 0.0 if self.by_motion is None else float(weights @ self.by_motion.gain_kg)
+            parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
     def _of_wheels(self, weights: Floats, slip_kg: float) -> dict[str, float]:
@@ -172,12 +192,16 @@ class JointFit:
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
         width = self.prior_std[place_of("slip", self.terms)]
-        masses_kg = float(weights[: self.count] @ self.masses_kg)
+        of_masses = weights[: self.count]
+        masses_kg = float(of_masses @ self.masses_kg)
+        late = -friction * float(weights.sum())
+        if self.by_motion is not None:
+            late = float(of_masses @ self.by_motion.delay_kg_s)
         return np.array(
             [
                 -friction * response / width,
                 -masses_kg if self.corrects_gain else 0.0,
-                -friction * float(weights.sum()) if self.motion.by_accelerometer else 0.0,
+                late if self.motion.by_accelerometer else 0.0,
             ]
         )
 
@@ -186,7 +210,7 @@ class JointFit:
         """(masses,), what the speed's delay and the accelerometer's gain do to them taken off."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
-            late = wheels.delay_s[0]
+            late = wheels.delay_s[0] - self.found.speed_late_s
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
         masses = self.fit.theta[: self.count]

@@ -12,7 +12,13 @@ from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.growth import Growth, growing
-from analysis.weighing.joint_fit import Fitted, again, joint_fit, with_states
+from analysis.weighing.joint_fit import (
+    Fitted,
+    again,
+    joint_fit,
+    with_responses,
+    with_states,
+)
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.nuisances import CURVATURE
 
@@ -161,6 +167,7 @@ def weigh(
                     fit = with_states(alone, fitted, machine.machine.repeatability_kg)
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
+    fit = with_responses(fit, columns, priors)
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
     return Weighing(
         fit,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import polars as pl
 
@@ -21,6 +21,7 @@ PAGE: Final = "review.html"
 _TEMPLATE: Final = "review.html.j2"
 _SCRIPT: Final = "review.js"
 _HERE: Final = "/* review.js */"
+NOT_CALIBRATED: Final = "Payloads are not calibrated"
 #: Of an interval with a confidence of 95 %.
 K: Final = 2.0
 _NUMERIC: Final = (
@@ -28,6 +29,23 @@ _NUMERIC: Final = (
     *("haul s", "dump s"),
 )
 _HEADS: Final = (*_NUMERIC, "quality", "said", "command")
+
+
+class UsedCalibration(NamedTuple):
+    """The calibration of a review.
+
+    Attributes:
+        says: what it is, in words; empty where there is none.
+        against: what the logs say against it, so that it is not used; empty where nothing.
+    """
+
+    says: str = ""
+    against: str = ""
+
+    @property
+    def counts(self) -> bool:
+        """Whether payloads are on its line."""
+        return bool(self.says) and not self.against
 
 
 @dataclass(frozen=True)
@@ -40,7 +58,7 @@ class ReviewPage:
         shift: frame `shift`, with what a reviewer says.
         target: 10/10/20, where a target was given.
         changes: since the last review; None where this is the first.
-        calibration: what it is, in words; empty where there is none.
+        calibration: whose line the payloads are on.
         track: positions, where there are.
     """
 
@@ -49,7 +67,7 @@ class ReviewPage:
     shift: Mapping[str, Any]
     target: TargetCheck | None
     changes: list[tuple[str, str, str]] | None
-    calibration: str
+    calibration: UsedCalibration
     track: pl.DataFrame | None = None
 
 
@@ -84,7 +102,7 @@ def review_html(page: ReviewPage) -> str:
         width=WIDTH,
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
-        calibration=page.calibration or "none: masses are by the machine file alone",
+        calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_friction(state),
         version=version("payscope"),
         script_hash=f"sha256-{digest}",
@@ -158,10 +176,16 @@ def _tonnes(kg: float, u_kg: float) -> str:
 
 def _banner(page: ReviewPage) -> list[str]:
     state = page.state
+    found: list[str] = []
+    if page.calibration.against:
+        found.append(f"{NOT_CALIBRATED}: {page.calibration.against}.")
     if state.can_weigh:
-        return []
+        return found
     names = ", ".join(check.check for check in state.failed if check.consequence == "withhold")
-    return [f"These logs cannot weigh, so there are no masses. Failed: {names or 'see below'}."]
+    return [
+        *found,
+        f"These logs cannot weigh, so there are no masses. Failed: {names or 'see below'}.",
+    ]
 
 
 def _warnings(page: ReviewPage) -> list[str]:
@@ -172,7 +196,7 @@ def _warnings(page: ReviewPage) -> list[str]:
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
         found.append(f"Checks that failed and widen the ±: {', '.join(widened)}.")
-    if state.scale_unknown and not page.calibration:
+    if state.scale_unknown and not page.calibration.counts:
         found.append(
             f"Scale not known: the machine file gives no uncertainty of {state.scale_unknown}, so "
             "none is in the ±; a calibration (--calibration) tells it."

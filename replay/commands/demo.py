@@ -19,9 +19,10 @@ def command(
     force: Annotated[bool, typer.Option(help="Replace the files of an earlier demo.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
 ) -> None:
-    """Simulate six loads × nine starts as ROS bags, calibrate, verify the evidence, draw."""
+    """Simulate six loads × nine starts as ROS bags, calibrate, verify; then review a shift."""
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
+    from replay.commands.review import print_review
     from replay.demo import STEPS, demo
 
     with Stages(len(STEPS)) as stages:
@@ -29,7 +30,10 @@ def command(
     if as_json:
         print_json(result.to_dict())
     else:
-        console().print(_render(result))
+        screen = console()
+        screen.print(_render(result))
+        screen.print("\nA shift of that machine, reviewed under that evidence:")
+        print_review(screen, result.reviewed)
 
 
 def _render(result: "Demo") -> "RenderableType":

@@ -5,6 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from replay.commands.options import (
+    Calibration,
+    RequireSigned,
+    SignerKey,
+    asked_calibration,
+)
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -12,12 +19,14 @@ if TYPE_CHECKING:
 
 
 def command(
-    logs: Annotated[list[Path], typer.Argument(help="Logs of one shift, in any order.")],
+    logs: Annotated[
+        list[Path], typer.Argument(help="Logs of one shift, or a folder of them, in any order.")
+    ],
     machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the review.")],
-    calibration: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Evidence of the machine's calibration.")
-    ] = None,
+    calibration: Calibration = None,
+    key: SignerKey = None,
+    require_signed: RequireSigned = False,
     target: Annotated[
         float | None,
         typer.Option(metavar="KG", min=1e-3, help="Judge loads against KG by the 10/10/20 rule."),
@@ -41,24 +50,30 @@ def command(
     from replay.pipeline import STAGES
     from replay.review import ReviewOptions, review
 
-    options = ReviewOptions(overrides or [], calibration, target, full)
+    asked = asked_calibration(calibration, key, signed=require_signed)
+    options = ReviewOptions(overrides or [], asked, target, full)
     with Stages(len(STAGES) + 2, timing=timing) as stages:
         made = review(logs, machine, output, options, stages.begin)
     if as_json:
         print_json(made.to_dict())
     else:
-        _print(console(), made)
+        print_review(console(), made)
     if not made.shift["cycles_counted"]:
         raise typer.Exit(1)
 
 
-def _print(screen: "Console", made: "Reviewed") -> None:
-    from recordings.review.page import PAGE, facts, headline
+def print_review(screen: "Console", made: "Reviewed") -> None:
+    """Print a review's sums, what is wrong with it, and where its page is."""
+    from recordings.review.page import NOT_CALIBRATED, PAGE, facts, headline
     from replay.commands.printing import print_line
 
     print_line(screen, headline(made.shift))
     for name, value in facts(made.shift, made.target):
         print_line(screen, f"{name}: {value}")
+    if made.calibration.against:
+        print_line(screen, f"{NOT_CALIBRATED}: {made.calibration.against}")
+    elif made.calibration.says:
+        print_line(screen, made.calibration.says)
     failed = [check.check for check in made.state.failed]
     if failed:
         print_line(screen, f"checks that failed: {', '.join(failed)}")

@@ -17,6 +17,7 @@ def drawn_shift(
     seed: int = 1,
     digs: bool = True,
     unseen: tuple[int, ...] = (),
+    unseen_empty: tuple[int, ...] = (),
 ) -> dict[str, pl.DataFrame]:
     """Frames of a shift: two empty starts, digging, two loaded starts, a dump, again and again.
 
@@ -27,6 +28,7 @@ def drawn_shift(
         seed: of that.
         digs: whether digging is seen.
         unseen: cycles of whose load no start tells a mass.
+        unseen_empty: cycles before whose load none does.
     """
     random = np.random.default_rng(seed)
     carried = carried_kg or [0.0] * len(payloads_kg)
@@ -35,7 +37,8 @@ def drawn_shift(
     before = 0.0
     for number, (payload, after) in enumerate(zip(payloads_kg, carried, strict=True)):
         begin = number * PERIOD_S
-        rows += [(begin + 5.0, 3600.0 + before), (begin + 20.0, 3600.0 + before)]
+        if number not in unseen_empty:
+            rows += [(begin + 5.0, 3600.0 + before), (begin + 20.0, 3600.0 + before)]
         dug.append((begin + 40.0, begin + 44.0))
         if number not in unseen:
             rows += [

@@ -76,6 +76,15 @@ def test_a_cycle_whose_load_no_start_tells_is_listed_without_a_mass_and_with_the
     assert summed(frames)["cycles_without_mass"] == 1
 
 
+def test_a_machine_that_digs_again_has_dumped_though_no_start_tells_of_the_empty_drive() -> None:
+    payloads = [700.0, 650.0, 660.0, 690.0, 705.0]
+    table = found(drawn_shift(payloads, unseen_empty=(2,)))
+    assert table["payload_kg"].to_list() == pytest.approx(payloads)
+    assert table["dump_t_ns"].to_list() == pytest.approx(
+        [int((100.0 * k + 83.5) * NS) for k in range(5)], abs=NS
+    )
+
+
 def test_a_load_that_is_not_dumped_in_the_recording_is_not_counted() -> None:
     frames = drawn_shift([700.0, 650.0, 720.0])
     frames["manoeuvres"] = frames["manoeuvres"].head(-1)

@@ -4,7 +4,7 @@ import polars as pl
 
 from analysis.run import InputFile
 from recordings.review.ledger import ledger
-from recordings.review.page import ReviewPage, review_html
+from recordings.review.page import ReviewPage, UsedCalibration, review_html
 from recordings.review.state import ReviewState, TopicSampling
 from tests.analysis.cycles.drawn import drawn_shift
 from tests.analysis.cycles.test_cycles import found, summed
@@ -38,7 +38,9 @@ def page(cycles: int, text: str) -> str:
     rows = ledger(found(frames), state.t0_unix_ns, {})
     track = pl.DataFrame({"latitude_deg": [49.0, 49.001], "longitude_deg": [8.0, 8.001]})
     changes = [(text, text, text)]
-    return review_html(ReviewPage(state, rows, summed(frames), None, changes, text, track))
+    return review_html(
+        ReviewPage(state, rows, summed(frames), None, changes, UsedCalibration(text, text), track)
+    )
 
 
 def test_four_hundred_cycles_are_less_than_two_megabytes() -> None:

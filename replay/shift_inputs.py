@@ -1,0 +1,68 @@
+"""The logs of a shift: as named, or all that a folder holds."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from estimators.errors import LogError
+from replay.readers import OPENERS, Log
+
+#: Tables are logs only where they are named, or where a folder has no others: ledgers and notes lie
+#: in folders of bags.
+_TABLES: Final = (".csv", ".parquet")
+_BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in _TABLES)
+_METADATA: Final = "metadata.yaml"
+
+
+def logs_in(named: Sequence[Path]) -> list[Path]:
+    """Each log once, however often it is named; a folder stands for all the logs in it.
+
+    Args:
+        named: logs, and folders of logs (which a rosbag2 directory is not).
+
+    Raises:
+        LogError: a folder that cannot be read.
+    """
+    found = [log for path in named for log in (_of_folder(path) if _is_folder(path) else [path])]
+    return list({path.resolve(): path for path in found}.values())
+
+
+def in_time(logs: Sequence[Log]) -> list[Log]:
+    """By their first message, so that the order on the command line does not matter."""
+
+    def begins(log: Log) -> tuple[int, str]:
+        first = log.topics()["start_ns"].min()
+        return (first if isinstance(first, int) else 0, str(log.path))
+
+    return sorted(logs, key=begins)
+
+
+def _is_folder(path: Path) -> bool:
+    return path.is_dir() and not _is_rosbag2(path)
+
+
+def _is_rosbag2(path: Path) -> bool:
+    return (path / _METADATA).is_file()
+
+
+def _of_folder(folder: Path) -> list[Path]:
+    """Its bags and those of its folders; where there is none, its tables."""
+    inside = _shown(folder)
+    bags = [log for each in inside for log in _bags(each)]
+    tables = [each for each in inside if each.suffix.lower() in _TABLES and each.is_file()]
+    # a folder without a log is for its reader to say
+    return bags or tables or [folder]
+
+
+def _bags(path: Path) -> list[Path]:
+    """A bag itself, or those of a folder without metadata, as a power loss leaves it."""
+    if _is_folder(path):
+        return [each for each in _shown(path) if not each.is_dir() and _bags(each)]
+    return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
+
+
+def _shown(folder: Path) -> list[Path]:
+    try:
+        return sorted(each for each in folder.iterdir() if not each.name.startswith("."))
+    except OSError as error:
+        raise LogError(f"{folder}: cannot be read ({error.strerror})") from None

@@ -1,0 +1,144 @@
+"""What a review is given: folders, logs that overlap, evidence; and what it refuses in one line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+import pytest
+
+from recordings.review.state import RECORDING
+from replay.calibrate import Calibrated, calibrate
+from replay.calibrated import AskedCalibration
+from replay.review import Reviewed, ReviewOptions, review
+from replay.shift_inputs import logs_in
+from tests.replay.attacker import key_files
+from tests.replay.sledge import Payscope, one_line
+from tests.replay.sledge_campaign import campaign_folder
+from tests.replay.sledge_shift import PAYLOADS_KG, sledge_shift, write_parts
+
+SHORT = PAYLOADS_KG[:3]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The campaign's folder, the machine file in it, and one log of a shift beside."""
+    folder = tmp_path_factory.mktemp("sledges")
+    campaign_folder(folder)
+    (folder / "shift").mkdir()
+    sledge_shift(SHORT).write_csv(folder / "shift/whole.csv")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def machine(folder: Path) -> Path:
+    return folder / "sledge.toml"
+
+
+@pytest.fixture(scope="module")
+def reviewed(folder: Path, machine: Path) -> Reviewed:
+    return review([folder / "shift"], machine, folder / "reviewed", ReviewOptions())
+
+
+@pytest.fixture(scope="module")
+def evidence(folder: Path) -> Calibrated:
+    return calibrate(folder / "campaign.toml", folder / "evidence")
+
+
+def test_a_folder_stands_for_the_bags_in_it_and_those_of_its_folders(tmp_path: Path) -> None:
+    (tmp_path / "bag_2").mkdir()
+    (tmp_path / "bag_2/metadata.yaml").touch()
+    (tmp_path / "torn").mkdir()
+    names = ["a.bag", "b.mcap", "torn/torn_0.db3"]
+    others = ["a.bag.truth.json", "notes.csv", ".hidden.bag", "torn/ledger.csv"]
+    for name in (*names, *others):
+        (tmp_path / name).touch()
+    found = [each.relative_to(tmp_path).as_posix() for each in logs_in([tmp_path])]
+    assert found == ["a.bag", "b.mcap", "bag_2", "torn/torn_0.db3"]
+    assert logs_in([tmp_path / "a.bag", tmp_path]) == logs_in([tmp_path])
+
+
+def test_a_folder_of_tables_alone_is_a_shift_too(folder: Path) -> None:
+    assert logs_in([folder / "shift"]) == [folder / "shift/whole.csv"]
+
+
+def test_logs_that_overlap_by_seconds_give_the_ledger_of_the_whole(
+    machine: Path, reviewed: Reviewed, tmp_path: Path
+) -> None:
+    parts = write_parts(sledge_shift(SHORT), tmp_path / "shift", 4, overlap_s=6.0)
+    assert sum(pl.read_csv(part).height for part in parts) > sledge_shift(SHORT).height
+    again = review([tmp_path / "shift"], machine, tmp_path / "review", ReviewOptions())
+    assert again.ledger.equals(reviewed.ledger)
+    assert again.ledger["payload_kg"].to_list() == pytest.approx(SHORT, abs=1.0)
+
+
+def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
+    folder: Path, machine: Path, reviewed: Reviewed, evidence: Calibrated, tmp_path: Path,
+    payscope: Payscope,
+) -> None:  # fmt: skip
+    out = tmp_path / "review"
+    ask = ("-m", machine, "-o", out, "--calibration", evidence.folder)
+    said = payscope("review", folder / "shift", *ask)
+    assert said.status == 0, said.err
+    assert f"evidence {evidence.document.id}" in said.out
+    assert evidence.document.id in (out / "review.html").read_text(encoding="utf-8")
+    rows = pl.read_parquet(out / "ledger.parquet")
+    off = (rows["payload_kg"] - pl.Series(SHORT)).abs()
+    assert (off < 3.0 * rows["payload_u_kg"]).all()
+    assert rows["payload_kg"].to_list() != reviewed.ledger["payload_kg"].to_list()
+    told = json.loads(payscope("review", folder / "shift", *ask, "--json").out)
+    assert not told["replayed"]
+    assert told["shift"]["payload_kg"] == pytest.approx(rows["payload_kg"].sum())
+    assert abs(told["shift"]["payload_kg"] - sum(SHORT)) < 2.0 * told["shift"]["payload_u_kg"]
+
+
+def test_a_load_outside_of_what_was_calibrated_has_no_payload_and_says_so(
+    machine: Path, evidence: Calibrated, tmp_path: Path
+) -> None:
+    sledge_shift((55.0, 95.0, 50.0)).write_csv(tmp_path / "heavy.csv")
+    asked = ReviewOptions(calibration=AskedCalibration(evidence.folder))
+    made = review([tmp_path / "heavy.csv"], machine, tmp_path / "review", asked)
+    assert made.ledger["payload_kg"].is_null().to_list() == [False, True, False]
+    assert "outside of the calibrated range" in made.ledger["withheld_for"][1]
+    assert made.ledger["counted"].to_list() == [True, False, True]
+
+
+def test_evidence_that_is_not_of_this_shift_is_refused_in_a_line(
+    folder: Path, machine: Path, evidence: Calibrated, tmp_path: Path, payscope: Payscope
+) -> None:
+    def refused(*more: object, log: Path = folder / "shift/whole.csv", says: str) -> None:
+        ask = ("-m", machine, "-o", tmp_path / "r", "--calibration", evidence.folder)
+        one_line(payscope("review", log, *ask, *more), says)
+        assert not (tmp_path / "r/review.html").exists()
+
+    refused("--require-signed", says="unsigned")
+    refused("--key", key_files(tmp_path)[1], says="calibrates nothing")
+    refused("--set", "machine.name=other", says="not of 'other'")
+    later = tmp_path / "later.csv"
+    sledge_shift(SHORT[:1], begin_s=2_000_000_000.0).write_csv(later)
+    refused(log=later, says="expired on")
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["nowhere.bag"], "no such file"),
+        (["empty"], "empty: no bag in this directory"),
+        (["shift", "--target", "-3"], "--target"),
+        (["shift", "--require-signed"], "are of --calibration"),
+        (["shift", "--calibration", "nowhere"], "nowhere"),
+        (["broken.mcap"], "broken.mcap"),
+    ],
+)
+def test_wrong_input_is_one_line(
+    folder: Path, machine: Path, words: list[str], says: str, payscope: Payscope,
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+) -> None:  # fmt: skip
+    (folder / "empty").mkdir(exist_ok=True)
+    (folder / "broken.mcap").write_bytes(b"no log at all")
+    monkeypatch.chdir(folder)
+    said: Any = payscope("review", *words, "-m", machine, "-o", tmp_path / "r")
+    assert said.status == 2
+    assert says in said.err
+    assert "Traceback" not in said.err
+    assert not (tmp_path / "r" / RECORDING).exists()
