@@ -17,9 +17,9 @@ from typing import IO, TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from estimators.errors import OutputError, RecordingError
+from estimators.errors import OutputError, RecordingError, nearest
 from recordings.reader import read_provenance
-from recordings.table import TIME
+from recordings.table import TABS, TIME
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -55,8 +55,7 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
         process, port = _start(Path(path), log)
         client = _connected(process, port, log, "a screen; without one, use `payscope plot`")
     if at_s is not None:
-        at = np.datetime64(t0_ns + round(at_s * 1e9), "ns")
-        client.set_time(TIME, timestamp=at, play_state="paused")
+        _set_time(client, t0_ns, at_s)
     return process
 
 
@@ -75,29 +74,47 @@ def start_viewer() -> str:
     return _address(port)
 
 
-def screenshots(path: str | Path, folder: str | Path) -> list[Screenshot]:
-    """Draw every tab of a recording in the real viewer, without a screen.
+def screenshots(
+    path: str | Path, folder: str | Path, tab: str | None = None, at_s: float | None = None
+) -> list[Screenshot]:
+    """Draw the tabs of a recording in the real viewer, without a screen.
 
     Hidden tabs are never evaluated, so each is activated in turn.
 
     Args:
         path: the recording.
         folder: where `NN-tab.png` are written; it must exist.
+        tab: the one that is wanted, all where None.
+        at_s: where to put the time cursor, in seconds since the start.
 
     Raises:
-        RecordingError: the recording cannot be read, or no viewer starts (it needs a Vulkan
-            driver; on Debian `mesa-vulkan-drivers` is a software one).
+        RecordingError: the recording cannot be read, it has no such tab, or no viewer starts (it
+            needs a Vulkan driver; on Debian `mesa-vulkan-drivers` is a software one).
         OutputError: the folder is missing.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; create it first")
-    read_provenance(path)
+    t0_ns = read_provenance(path).t0_unix_ns
     with headless_viewer(Path(path)) as (client, _):
-        return list(_photographed(client, folder))
+        if at_s is not None:
+            _set_time(client, t0_ns, at_s)
+        found = list(_photographed(client, folder, tab))
+    if not found:
+        raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(str(tab), _tabs())}")
+    return found
 
 
-def _photographed(client: "ViewerClient", folder: Path) -> Iterator[Screenshot]:
+def _tabs() -> list[str]:
+    return [each.name for each in TABS]
+
+
+def _set_time(client: "ViewerClient", t0_ns: int, at_s: float) -> None:
+    at = np.datetime64(t0_ns + round(at_s * 1e9), "ns")
+    client.set_time(TIME, timestamp=at, play_state="paused")
+
+
+def _photographed(client: "ViewerClient", folder: Path, tab: str | None) -> Iterator[Screenshot]:
     whole = client.get_blueprint("recording").blueprint
     tabs = next(
         layout["ContainerBlueprint"]
@@ -105,9 +122,11 @@ def _photographed(client: "ViewerClient", folder: Path) -> Iterator[Screenshot]:
         if layout.get("ContainerBlueprint", {}).get("container_kind") == "Tabs"
     )
     for number, entity in enumerate(_children(tabs)):
+        name = whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
+        if tab is not None and tab.casefold() != name.casefold():
+            continue
         tabs["active_tab"] = entity
         client.set_blueprint(whole, "recording")
-        name = whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
         png = folder / f"{number:02}-{name.lower()}.png"
         png.write_bytes(_settled(client))
         shown = set(_views(whole, entity))

@@ -1,4 +1,4 @@
-"""`payscope view`: the Rerun viewer."""
+"""`payscope view`: the Rerun viewer, and its pictures without a screen."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,8 +11,21 @@ def command(
     at_s: Annotated[
         float | None, typer.Option("--at", help="Move the time cursor to this second of the run.")
     ] = None,
+    from_s: Annotated[
+        float | None,
+        typer.Option("--from", help="Open only what begins here (s); a long run shows its detail."),
+    ] = None,
+    to_s: Annotated[float | None, typer.Option("--to", help="And ends here (s).")] = None,
+    screenshot: Annotated[
+        Path | None,
+        typer.Option(help="Write a picture of each tab into this folder, without a screen."),
+    ] = None,
+    tab: Annotated[
+        str | None, typer.Option(help="Of the pictures, that of this tab alone.")
+    ] = None,
 ) -> None:
-    """Open a recording in the Rerun viewer (listens on 127.0.0.1 only)."""
-    from recordings.viewer import open_viewer
+    """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or photograph it."""
+    from replay.view import view
 
-    open_viewer(recording, at_s)
+    for each in view(recording, from_s, to_s, at_s=at_s, screenshot=screenshot, tab=tab):
+        typer.echo(str(each))

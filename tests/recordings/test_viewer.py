@@ -12,22 +12,13 @@ from estimators.errors import OutputError, RecordingError
 from recordings import read_recording, write_recording
 from recordings.table import TABS
 from recordings.viewer import headless_viewer, screenshots
+from tests.viewer_needed import VIEWER
 
-DRIVERS = [
-    *Path("/usr/share/vulkan/icd.d").glob("*.json"),
-    *Path("/etc/vulkan/icd.d").glob("*.json"),
-]
-viewer = [
-    pytest.mark.viewer,
-    pytest.mark.skipif(
-        not DRIVERS, reason="no Vulkan driver; Debian: apt-get install mesa-vulkan-drivers"
-    ),
-]
 EMPTY_WITHOUT_ESTIMATES = ("Estimates", "Residuals")
 
 
 class TestViewer:
-    pytestmark = viewer
+    pytestmark = VIEWER
 
     @pytest.mark.parametrize(
         "options",
