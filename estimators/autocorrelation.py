@@ -41,7 +41,24 @@ def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]
     return sums, pairs
 
 
-def pooled_autocorrelation(residual: Floats, group: Ints, A: Floats | None) -> tuple[Floats, float]:
+def loss_of(A: Floats, group: Ints) -> Floats:
+    """What fits of A (n, p) to each group take, where several residuals of them are asked.
+
+    Returns:
+        (lags, lags) as `fit_loss`, for the lags that these groups tell.
+    """
+    used = int(np.count_nonzero(group >= 0))
+    return fit_loss(A, group, _lags(used, group_ids(group).size))
+
+
+def _lags(samples: int, groups: int) -> int:
+    """No more lags than a quarter of a typical fit can tell."""
+    return min(max(1, samples // max(groups, 1) // 4), MOST_LAGS)
+
+
+def pooled_autocorrelation(
+    residual: Floats, group: Ints, A: Floats | None, loss: Floats | None = None
+) -> tuple[Floats, float]:
     """Estimate the residuals' autocorrelation over all groups, and their variance.
 
     What each group's own fit has taken out of the autocovariances is put back (`fit_loss`). The
@@ -54,6 +71,7 @@ def pooled_autocorrelation(residual: Floats, group: Ints, A: Floats | None) -> t
         residual: (n,) residuals; where group < 0 they are not looked at.
         group: (n,) the fit that each residual comes from, negative for none.
         A: (n, p) regressor that was fitted to each group, None where nothing was.
+        loss: `loss_of` A and these groups where it is known; None finds it.
 
     Returns:
         (lags,) autocorrelation with its taper applied, 1 first; and the variance at lag 0.
@@ -63,13 +81,13 @@ def pooled_autocorrelation(residual: Floats, group: Ints, A: Floats | None) -> t
     groups = group_ids(group).size
     if n <= groups * (0 if A is None else A.shape[1]):
         return np.ones(1), float("nan")
-    # no more lags than a quarter of a typical fit can tell
-    limit = min(max(1, n // groups // 4), MOST_LAGS)
+    limit = _lags(n, groups)
     sums, pairs = _lag_sums(residual, group, limit)
     found = sums / np.maximum(pairs, 1.0)
     if found[0] <= 0.0:
         return np.ones(1), 0.0
-    loss = np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
+    if loss is None:
+        loss = np.zeros((limit, limit)) if A is None else fit_loss(A, group, limit)
     noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)
     run = max(5, int(np.ceil(np.sqrt(np.log10(max(n, 10))))))
     # the loss keeps every lag below zero: put it back first, by the lags up to the first quiet one

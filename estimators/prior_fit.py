@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimators.autocorrelation import pooled_autocorrelation, student_factor
+from estimators.autocorrelation import loss_of, pooled_autocorrelation, student_factor
 from estimators.estimate import Floats, Ints
 from estimators.group_sums import GroupSums, NoiseMoments
 from estimators.sandwich import meat
@@ -373,6 +373,7 @@ def _solved(
     theta = shape.widened(np.asarray(first, np.float64))
     wide_precision, wide_believed = shape.widened(precision), shape.widened(believed)
     solved: _Solved | None = None
+    loss = None if taken is None else loss_of(taken, group)
     for _ in range(_ROUNDS):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
@@ -390,7 +391,7 @@ def _solved(
         theta = bread @ (weighed @ turned.bare + wide_believed)
         own = shape.by_group(theta)
         residual = np.where(used, f - np.einsum("ni,ni->n", A, own[index]), 0.0)
-        correlation, _ = pooled_autocorrelation(residual, group, taken)
+        correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
         white = float(residual @ residual) / (n - theta.size)
         gain = bread @ weighed
         solved = _Solved(theta, bread, gain, residual, correlation, white, share, kept, turned)
