@@ -6,6 +6,7 @@ samples as they are, from the break-away on, and averages inside a manoeuvre onl
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, Protocol
 
 import numpy as np
@@ -123,28 +124,28 @@ class Equation:
         rows = np.arange(x.size, dtype=np.float64)
         return np.interp(rows + late_s * self.rate_hz, rows, x)
 
-    @property
+    @cached_property
     def used(self) -> Bools:
         """Which samples may be fitted."""
         return self.group >= 0
 
-    @property
+    @cached_property
     def largest_force(self) -> float:
         """The force that this log drives with, in N: its 95 % quantile."""
         return float(np.quantile(np.abs(self.force[self.used]), 0.95))
 
-    @property
+    @cached_property
     def largest_speed(self) -> float:
         """The speed that it reaches, in m/s, likewise."""
         return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
 
-    @property
+    @cached_property
     def about_kg(self) -> float:
         """The force that this log drives with over the acceleration that it reaches, in kg."""
         reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
         return self.largest_force / reached if reached else 0.0
 
-    @property
+    @cached_property
     def both_ways(self) -> bool:
         """Whether it drives forwards and in reverse."""
         forwards = float((self.direction[self.used] > 0).mean())
