@@ -81,7 +81,7 @@ def compare_recordings(
             ]
             raise RecordingError(
                 f"{a} and {b}: are replays of different inputs ({names[0]} | {names[1]}, by "
-                "SHA-256), so that their rows do not correspond; --other-logs compares settings, masses and "
-                "verdict alone"
+                "SHA-256), so that their rows do not correspond; --other-logs compares settings, "
+                "masses and verdict alone"
             )
         return compare(mine, theirs, rtol=rtol, rows=not other_logs)
