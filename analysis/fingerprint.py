@@ -19,6 +19,8 @@ from pydantic import BaseModel, ConfigDict
 
 #: Rows that are hashed together: bounds the memory, and is a multiple of the 8 bits of a byte.
 _ROWS: Final = 1 << 20
+#: Of shorter frames a thread takes longer to start than its column to hash.
+_MANY_ROWS: Final = 100_000
 #: Hexadecimal digits that a person compares.
 _SHOWN: Final = 12
 
@@ -72,8 +74,11 @@ def frame_digest(frame: pl.DataFrame) -> str:
     Values count bit for bit: 0.0 is not -0.0, and NaNs of other bits are others. What lies in
     memory below a null does not count.
     """
-    with ThreadPoolExecutor() as pool:  # hashlib releases the interpreter's lock
-        columns = list(pool.map(_column_digest, frame.get_columns()))
+    if frame.height < _MANY_ROWS:
+        columns = list(map(_column_digest, frame.get_columns()))
+    else:
+        with ThreadPoolExecutor() as pool:  # hashlib releases the interpreter's lock
+            columns = list(pool.map(_column_digest, frame.get_columns()))
     return _json_digest([frame.height, columns])
 
 

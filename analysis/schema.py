@@ -563,16 +563,23 @@ def conform(name: str, frame: pl.DataFrame) -> pl.DataFrame:
     unknown = set(frame.columns) - {column.name for column in declared.columns}
     if unknown:
         raise KeyError(f"{name}: columns without a declaration: {sorted(unknown)}")
-    return frame.select(
-        pl.col(column.name).cast(column.dtype)
-        for column in declared.columns
-        if column.name in frame.columns
+    # column by column: a query a frame costs more than all of its casts
+    present = set(frame.columns)
+    return pl.DataFrame(
+        [
+            frame.get_column(column.name).cast(column.dtype)
+            for column in declared.columns
+            if column.name in present
+        ]
     )
 
 
 def build(name: str, columns: Mapping[str, NDArray[Any] | pl.Series]) -> pl.DataFrame:
     """Make the frame `name` of arrays; NaN becomes null."""
-    return conform(name, pl.DataFrame(dict(columns)).fill_nan(None))
+    frame = pl.DataFrame(dict(columns), nan_to_null=True)
+    if any(isinstance(each, pl.Series) and each.dtype.is_float() for each in columns.values()):
+        frame = frame.fill_nan(None)
+    return conform(name, frame)
 
 
 def values(frame: pl.DataFrame, column: str) -> NDArray[np.float64]:

@@ -4,8 +4,13 @@ With numpy's error model a division by zero is infinite, without which no loop t
 vectorised; the interpreter's lock is released, so that threads may share a log; what is compiled is
 kept for the next process (`estimators.cache`). Nothing may be reassociated or contracted: a loop
 gives the same bits for one window as for many, and so on board as in replay.
+
+Processes may compile at once into one folder. Numba numbers the files of a function's compiled
+forms, and two that take the same number leave one's name on the other's code; here a file is named
+after what it holds.
 """
 
+import hashlib
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from functools import cache
@@ -15,6 +20,7 @@ from typing import Any, Final, TypeVar, cast
 
 from numba import njit
 from numba.core import config
+from numba.core.caching import IndexDataCacheFile
 
 from estimators.cache import folder_of
 
@@ -53,7 +59,22 @@ def inlined(function: F) -> F:
 
 def _compiled(function: F, options: Mapping[str, Any]) -> F:
     with _kept_in(_FOLDER_OF(Path(function.__code__.co_filename))):
-        return cast("F", cast("Any", njit)(**options)(function))
+        dispatcher = cast("Any", njit)(**options)(function)
+    dispatcher._cache._cache_file.__class__ = _NamedByContent  # noqa: SLF001 - numba has no other way
+    return cast("F", dispatcher)
+
+
+class _NamedByContent(cast("Any", IndexDataCacheFile)):
+    """An index of compiled forms, and a file for each that no other form can have.
+
+    Of two processes that add to the index at once one's entry may be lost, and is compiled anew.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        name = self._data_name(int(hashlib.sha256(repr(key).encode()).hexdigest()[:12], 16))
+        # the code before its name, so that no index names what is not there
+        self._save_data(name, data)
+        self._save_index({**self._load_index(), key: name})
 
 
 @contextmanager

@@ -12,34 +12,35 @@ from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 
 #: Distances whose sums go side by side, each in its own order.
-_AT_ONCE = 16
+_AT_ONCE = 128
 #: So many fits, evenly chosen, stand for all.
 _MOST_FITS = 100
 
 
 @compiled
 def _products_at_distances(Q: Floats, distances: int) -> Floats:
-    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, (distances or a few more, p, p)."""
+    """Σ_k Q_ki Q_(k+d)c of Q (n, p) for d < distances, (p, p, distances)."""
     n, p = Q.shape
-    groups = -(-distances // _AT_ONCE)
-    # zeros behind the end, so that all distances of a group have as many terms
-    columns = np.zeros((p, n + groups * _AT_ONCE))
+    # zeros behind the end, so that all distances have as many terms
+    columns = np.zeros((p, n + distances + 4))
     for i in range(p):
         for k in range(n):
             columns[i, k] = Q[k, i]
-    cross = np.zeros((groups * _AT_ONCE, p, p))
-    sums = np.empty(_AT_ONCE)
-    for first in range(0, min(cross.shape[0], n), _AT_ONCE):
+    cross = np.zeros((p, p, distances))
+    for first in range(0, min(distances, n), _AT_ONCE):
+        width = min(_AT_ONCE, distances - first)
         for i in range(p):
             for c in range(p):
-                for e in range(_AT_ONCE):
-                    sums[e] = 0.0
-                for k in range(n - first):
-                    q, others = columns[i, k], columns[c, k + first : k + first + _AT_ONCE]
-                    for e in range(_AT_ONCE):
-                        sums[e] += q * others[e]
-                for e in range(_AT_ONCE):
-                    cross[first + e, i, c] = sums[e]
+                sums = cross[i, c, first : first + width]
+                # four terms a round: each is added in its turn, but the sums are fetched once
+                for k in range(0, n - first, 4):
+                    q, r, s, t = columns[i, k : k + 4]
+                    others = columns[c, k + first : k + first + width + 3]
+                    for d in range(np.uint64(width)):
+                        total = sums[d] + q * others[d]
+                        total += r * others[d + np.uint64(1)]
+                        total += s * others[d + np.uint64(2)]
+                        sums[d] = total + t * others[d + np.uint64(3)]
     return cross
 
 
@@ -54,28 +55,38 @@ def _add_loss(Q: Floats, loss: Floats) -> None:
     n, p = Q.shape
     lags = loss.shape[0]
     cross = _products_at_distances(Q, 2 * lags - 1)
-    pushed = np.zeros((lags, lags))
-    for d in range(lags):
-        for j in range(1, lags):
-            pushed[d, j] = pushed[d, j - 1]
-            head, tail = j - 1, n - d - j
-            for i in range(p):
-                if head + d < n:
-                    pushed[d, j] += Q[head, i] * Q[head + d, i]
-                if tail >= 0:
-                    pushed[d, j] += Q[tail, i] * Q[tail + d, i]
+    both = cross[:, :, :lags] + cross[:, :, :lags].transpose(1, 0, 2)
+    columns = np.ascontiguousarray(Q.T)
+    reversed_columns = np.ascontiguousarray(Q.T[:, ::-1])
+    # of the distances d < lags - j
+    pushed = np.zeros(lags)
+    shifted, inside = np.empty(lags), np.empty(lags)
     for j in range(lags):
-        for m in range(lags):
-            apart = abs(j - m)
-            shifted = -pushed[apart, min(j, m)]
-            inside = 0.0
+        # it is symmetric in j and l but for S_0, which is twice R_0
+        left = lags - j
+        if j > 0:
             for i in range(p):
-                shifted += 2.0 * (cross[apart, i, i] + cross[j + m, i, i])
-                for c in range(p):
-                    at_j = cross[j, i, c] + cross[j, c, i]
-                    inside += at_j * (cross[m, i, c] + cross[m, c, i])
-            # S_0 is twice R_0
-            loss[j, m] += (0.5 if m == 0 else 1.0) * (shifted - 0.5 * inside)
+                first, last = columns[i, j - 1], columns[i, n - j] if j <= n else 0.0
+                after, before = columns[i, j - 1 :], reversed_columns[i, j - 1 :]
+                for d in range(min(left, n - j + 1)):
+                    pushed[d] += first * after[d]
+                    pushed[d] += before[d] * last
+        for d in range(left):
+            shifted[d] = -pushed[d]
+            inside[d] = 0.0
+        for i in range(p):
+            near, far = cross[i, i, :left], cross[i, i, 2 * j : j + lags]
+            for d in range(left):
+                shifted[d] += 2.0 * (near[d] + far[d])
+            for c in range(p):
+                at_j, at_l = both[i, c, j], both[i, c, j:]
+                for d in range(left):
+                    inside[d] += at_j * at_l[d]
+        for d in range(left):
+            more = shifted[d] - 0.5 * inside[d]
+            loss[j, j + d] += (0.5 if j + d == 0 else 1.0) * more
+            if d > 0:
+                loss[j + d, j] += (0.5 if j == 0 else 1.0) * more
 
 
 @compiled
@@ -127,8 +138,9 @@ def _total_loss(A: Floats, group: Ints, spans: Ints, lags: int) -> Floats:
             if group[first + k] == group[first]:
                 for c in range(p):
                     B[k, c] = A[first + k, c]
-                for j in range(min(lags, n - k)):
-                    pairs[j] += 1.0 if group[first + k + j] == group[first] else 0.0
+                others = group[first + k : first + min(k + lags, n)]
+                for j in range(np.uint64(others.size)):
+                    pairs[j] += 1.0 if others[j] == group[first] else 0.0
         _add_loss(_orthonormal(B), loss)
     for j in range(lags):
         for m in range(lags):

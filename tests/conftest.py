@@ -19,15 +19,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Each parallel worker compiles into a place of its own.
-
-    Numba writes which specialisation is in which file, and the file, one after the other: two
-    processes that do so at once may leave one's name on the other's code.
-    """
-    worker = os.environ.get("PYTEST_XDIST_WORKER")
-    if worker:
-        place = os.environ.get("NUMBA_CACHE_DIR") or REPO / ".pytest_cache" / "numba"
-        os.environ["NUMBA_CACHE_DIR"] = str(Path(place, worker))
     config.stash[BEGAN] = time.monotonic()
 
 

@@ -1,5 +1,6 @@
 """The documentation tells the truth: commands run, outputs are real, links lead somewhere."""
 
+import os
 import re
 import subprocess
 import sys
@@ -145,11 +146,11 @@ def tracked() -> set[Path]:
 
 def beside() -> set[Path]:
     """The files of this folder, also where it is an unpacked release."""
-    return {
-        path
-        for path in REPO.rglob("*")
-        if path.is_file() and not any(map(is_made, path.relative_to(REPO).parts))
-    }
+    found: set[Path] = set()
+    for folder, inside, files in os.walk(REPO):
+        inside[:] = [name for name in inside if not is_made(name)]
+        found |= {Path(folder, name) for name in files if not is_made(name)}
+    return found
 
 
 def is_made(part: str) -> bool:

@@ -197,9 +197,13 @@ def design(
         for shape in get_args(Shape)
         for ways in get_args(Ways)
     ]
+    return Design(drive, response_s, window_s, accuracy, scores, best_of(scores, yard_m))
+
+
+def best_of(scores: Sequence[Score], yard_m: float | None) -> Score | None:
+    """The score of the smallest error that fits the yard, None where none does."""
     fitting = [score for score in scores if yard_m is None or score.reach_m <= yard_m]
-    best = min(fitting, key=lambda score: score.relative_error, default=None)
-    return Design(drive, response_s, window_s, accuracy, scores, best)
+    return min(fitting, key=lambda score: score.relative_error, default=None)
 
 
 def _manoeuvre(

@@ -49,16 +49,21 @@ class Gripped:
         """Force and torque on the state, 7 numbers or (7, n), Coulomb friction that slides in."""
         v, drive_x, brake_x, omega, drive_z, brake_z, heading = state
         applied = Pair(drive_x - brake_x, drive_z - brake_z)
-        net = self.body.net(applied, Pair(v, omega), heading)
+        body, grip = self.body, self.grip
+        net_x, net_z = body.net(applied, Pair(v, omega), heading)
         return Pair(
-            net.x - self.body.coulomb[0] * (self.grip[0] or 0.0),
-            net.z - self.body.coulomb[1] * (self.grip[1] or 0.0),
+            net_x - body.coulomb_x_N * (grip[0] or 0.0),
+            net_z - body.coulomb_z_N_m * (grip[1] or 0.0),
         )
 
     def accelerations(self, net: Pair) -> Pair:
         """dv/dt and ω̇ of the axes that are free and not held."""
-        moves = [self.free[axis] and self.grip[axis] is not None for axis in (0, 1)]
-        return self.body.accelerations(net, (moves[0], moves[1]))
+        return self.body.accelerations(net, self._moves)
+
+    @property
+    def _moves(self) -> tuple[bool, bool]:
+        x, z = (self.free[axis] and self.grip[axis] is not None for axis in (0, 1))
+        return x, z
 
     def pull(self, state: Floats) -> tuple[float, float]:
         """Force and torque on the state (7,) that friction has to hold where it holds."""
@@ -134,20 +139,23 @@ class Gripped:
 
     def _rates(self, state: Floats, asked: Commands) -> Callable[[float, Floats], list[float]]:
         still: list[float] = state.tolist()
-        lag_s, brake = self.valve_lag_s, asked.brake
+        lag_s, (brake_x, brake_z) = self.valve_lag_s, asked.brake
+        free_x, free_z = self.free
+        moves = self._moves
+        net_of, accelerations, drive = self.net, self.body.accelerations, asked.drive
 
         def rates(time_s: float, part: Floats) -> list[float]:
             # plain numbers: called ten thousands of times
             moving: list[float] = part.tolist()
-            x = moving[:3] if self.free[0] else still[:3]
-            z = moving[-4:] if self.free[1] else still[3:]
-            dv, turn = self.accelerations(self.net((*x, *z)))
-            force, torque = asked.drive(time_s)
+            x = moving[:3] if free_x else still[:3]
+            z = moving[-4:] if free_z else still[3:]
+            dv, turn = accelerations(net_of((*x, *z)), moves)
+            force, torque = drive(time_s)
             rate: list[float] = []
-            if self.free[0]:
-                rate += [float(dv), (force - x[1]) / lag_s, (brake[0] - x[2]) / lag_s]
-            if self.free[1]:
-                rate += [float(turn), (torque - z[1]) / lag_s, (brake[1] - z[2]) / lag_s, z[0]]
+            if free_x:
+                rate += [float(dv), (force - x[1]) / lag_s, (brake_x - x[2]) / lag_s]
+            if free_z:
+                rate += [float(turn), (torque - z[1]) / lag_s, (brake_z - z[2]) / lag_s, z[0]]
             return rate
 
         return rates

@@ -216,8 +216,7 @@ class Scenario(BaseModel):
     def driven(self, force_N: float, torque_N_m: float) -> tuple[float, float]:
         """Force and torque that both valves give for those asked, but for their lag."""
         width_m, full_N = self.machine.track_width_m, self.campaign.throttle_force_N / 2.0
-        left, right = (
-            full_N * self.campaign.valve((force_N / 2.0 + sign * torque_N_m / width_m) / full_N)
-            for sign in (-1.0, 1.0)
-        )
+        valve, turning_N = self.campaign.valve, torque_N_m / width_m
+        left = full_N * valve((force_N / 2.0 - turning_N) / full_N)
+        right = full_N * valve((force_N / 2.0 + turning_N) / full_N)
         return left + right, (right - left) * width_m / 2.0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from estimators import cache
+from estimators import cache, compiled, fit_loss
 
 REPO = Path(cache.__file__).parent.parent
 
@@ -128,6 +128,26 @@ def test_every_compiled_function_is_kept_in_such_a_folder() -> None:
         for path in (REPO / package).rglob("*.py"):
             if path != REPO / "estimators/compiled.py":
                 assert "njit" not in path.read_text(), path
+
+
+def test_an_index_that_two_processes_write_at_once_never_names_the_code_of_another(
+    tmp_path: Path,
+) -> None:
+    """Each has read an empty index; the one that adds its form first writes its index last."""
+    one, other = (compiled._NamedByContent(str(tmp_path), "loop", "stamp") for _ in range(2))
+    one.save("of floats", "code of floats")
+    index = tmp_path / "loop.nbi"
+    late = index.read_bytes()
+    index.unlink()
+    other.save("of integers", "code of integers")
+    assert other.load("of integers") == "code of integers"
+    index.write_bytes(late)
+    assert one.load("of floats") == "code of floats"
+    assert one.load("of integers") is None
+
+
+def test_every_compiled_function_is_kept_under_such_names() -> None:
+    assert type(fit_loss._total_loss._cache._cache_file) is compiled._NamedByContent
 
 
 def test_importing_the_estimators_changes_nothing_of_the_process_and_reads_nothing_above() -> None:

@@ -1,8 +1,7 @@
 """The command `excite`, and scenarios as files that read back as they were."""
 
 import json
-import subprocess
-import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,14 +17,16 @@ PLANAR = Path(__file__).parents[2] / "examples" / "planar.toml"
 BASE = load_scenario(None)
 
 
-def excite(*arguments, folder):
-    return subprocess.run(
-        [Path(sys.executable).with_name("payscope"), "excite", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=folder,
-        check=False,
-    )
+@pytest.fixture(scope="module")
+def designed():
+    """What a bare `excite` designs; a design takes seconds."""
+    return design(BASE)
+
+
+@pytest.fixture
+def excite(payscope, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: payscope("excite", *arguments)
 
 
 @pytest.mark.parametrize("made", [Scenario(), BASE, load_scenario(PLANAR)])
@@ -35,10 +36,10 @@ def test_a_scenario_that_is_written_reads_back_as_it_was(tmp_path, made):
     assert load_scenario(path) == made
 
 
-def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(tmp_path):
-    answer = excite("-o", "best.toml", "--json", folder=tmp_path)
-    assert answer.returncode == 0, answer.stderr
-    made = json.loads(answer.stdout)
+def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(excite, tmp_path):
+    answer = excite("-o", "best.toml", "--json")
+    assert answer.status == 0, answer.err
+    made = json.loads(answer.out)
     (best,) = [each for each in made["waveforms"] if each["best"]]
     scenario = load_scenario(tmp_path / "best.toml")
     rest, driven = scenario.campaign.trial
@@ -50,19 +51,19 @@ def test_the_best_waveform_is_written_as_a_scenario_that_simulate_accepts(tmp_pa
     assert truth["runs"][0]["mass_kg"] == 3614.0
 
 
-def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(tmp_path):
-    answer = excite("--accuracy", "0.01%", folder=tmp_path)
-    assert answer.returncode == 1
-    assert "No waveform reaches the accuracy of 0.0001" in answer.stdout
+def test_an_accuracy_that_no_waveform_reaches_leaves_with_one(excite):
+    answer = excite("--accuracy", "0.01%")
+    assert answer.status == 1
+    assert "No waveform reaches the accuracy of 0.0001" in answer.out
 
 
-def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(tmp_path):
-    answer = excite("--yard", "0.5", "-o", "best.toml", folder=tmp_path)
-    assert answer.returncode == 1
-    assert "No waveform fits the yard" in answer.stdout
+def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(excite, designed, tmp_path):
+    answer = excite("--yard", "0.5", "-o", "best.toml")
+    assert answer.status == 1
+    assert "No waveform fits the yard" in answer.out
     assert not list(tmp_path.iterdir())
     with pytest.raises(DataError, match="fits the yard"):
-        write_design(design(BASE, yard_m=0.5), BASE, tmp_path / "best.toml")
+        write_design(replace(designed, best=None), BASE, tmp_path / "best.toml")
 
 
 @pytest.mark.parametrize(
@@ -77,18 +78,18 @@ def test_a_yard_that_nothing_fits_leaves_with_one_and_writes_nothing(tmp_path):
         (["--motion", "sideways"], "sideways"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line_and_leaves_with_two(tmp_path, arguments, says):
-    answer = excite(*arguments, folder=tmp_path)
-    assert answer.returncode == 2
-    assert says in answer.stderr
-    assert answer.stderr.count("\n") == 1
+def test_what_is_wrong_is_said_in_one_line_and_leaves_with_two(excite, arguments, says):
+    answer = excite(*arguments)
+    assert answer.status == 2
+    assert says in answer.err
+    assert answer.err.count("\n") == 1
 
 
-def test_the_scenario_that_is_read_is_never_overwritten(tmp_path):
+def test_the_scenario_that_is_read_is_never_overwritten(excite, designed, tmp_path):
     mine = tmp_path / "mine.toml"
     mine.write_text(scenario_text(BASE), encoding="utf-8")
     before = mine.read_bytes()
-    assert excite("mine.toml", "-o", "mine.toml", "--force", folder=tmp_path).returncode == 2
+    assert excite("mine.toml", "-o", "mine.toml", "--force").status == 2
     with pytest.raises(OutputError, match="exists already"):
-        write_design(design(BASE), BASE, mine)
+        write_design(designed, BASE, mine)
     assert mine.read_bytes() == before

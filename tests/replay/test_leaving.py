@@ -8,16 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from tests.replay.sledge import Payscope
+from tests.replay.sledge import MACHINE, sledge
 
 SCRIPT = Path(sys.executable).with_name("payscope")
 
 
-@pytest.fixture
-def recording(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) -> Path:
-    out = tmp_path / "out.rrd"
-    assert payscope("run", log, "-m", machine_file, "-o", out).status == 0
-    return out
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording that is only read."""
+    folder = tmp_path_factory.mktemp("kept")
+    sledge().write_csv(folder / "sledge.csv")
+    (folder / "sledge.toml").write_text(MACHINE)
+    words = ["run", "sledge.csv", "-m", "sledge.toml", "-o", "out.rrd"]
+    subprocess.run([SCRIPT, *words], cwd=folder, capture_output=True, check=True)
+    return folder / "out.rrd"
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.experiment_design.design import design, driving, rank, response_time_s
+from analysis.experiment_design.design import (
+    _score,
+    best_of,
+    design,
+    driving,
+    rank,
+    response_time_s,
+)
 from analysis.experiment_design.prediction import (
     Filters,
     Measured,
@@ -134,7 +141,7 @@ def test_period_and_window_follow_from_the_response_time():
 
 @pytest.mark.parametrize(("drive", "allowed"), [("straight", 3), ("spin", 4), ("joint", 6)])
 def test_each_stage_has_the_rank_that_its_motion_allows(drive, allowed):
-    made = designed(drive, "ahead" if drive == "joint" else None)
+    made = designed(drive, "ahead") if drive == "joint" else designed(drive)
     assert {score.rank for score in made.scores} == {allowed}
 
 
@@ -168,13 +175,15 @@ def test_a_yard_rules_out_what_drives_beyond_it():
     reach = sorted(score.reach_m for score in long.scores)
     made = design(PLAIN, yard_m=reach[0] + 0.1)
     assert made.best.reach_m == pytest.approx(reach[0])
-    assert design(PLAIN, yard_m=0.5).best is None
+    assert best_of(long.scores, 0.5) is None
 
 
 def test_coulomb_friction_that_the_model_leaves_out_is_part_of_the_predicted_error():
     made = scenario(machine={"coulomb_N": 300.0})
-    score = next(s for s in design(made).scores if s.ways == "both ways")
-    found, body = errors(made, "straight", score, 2 * response_time_s(made, 0.0, "force"))
+    response_s = {"force": response_time_s(made, 0.0, "force")}
+    window_s = 2 * response_s["force"]
+    score = _score(made, "straight", "triangular", "both ways", response_s, window_s, 0.01)
+    found, body = errors(made, "straight", score, window_s)
     prediction = score.predictions["mass_kg"]
     assert abs(prediction.bias) > 5 * prediction.std
     assert found[:, 0].mean() - body.mass_kg == pytest.approx(prediction.bias, rel=0.05)
