@@ -17,6 +17,7 @@ from analysis.calibration.trials import run_estimates
 from analysis.simulation import Scenario
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
+from recordings.evidence.signing import new_key_pair
 from recordings.output import check_folder, check_output, whole_file
 from replay.calibrate import Calibrated, calibrate
 from replay.demo_campaign import demo_campaign
@@ -74,7 +75,8 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     machine_file = folder / _MACHINE.name
     recording, picture = folder / "campaign.rrd", folder / "campaign.png"
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
-    for output in (machine_file, campaign_file, recording, picture):
+    keys = folder / "key.pem", folder / "key.pub.pem"
+    for output in (machine_file, campaign_file, *keys, recording, picture):
         check_output(output, force=force)
     check_folder(evidence, force=force)
     with whole_file(machine_file, force=force) as partial:
@@ -84,10 +86,14 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     logs = simulate(scenario, folder / "campaign.bag", force=force)
     with whole_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
+    for path, half in zip(keys, new_key_pair(), strict=True):
+        with whole_file(path, force=force) as partial:
+            partial.touch(mode=0o600)
+            partial.write_bytes(half)
     on_stage("calibrate")
-    calibrated = calibrate(campaign_file, evidence, force=force)
+    calibrated = calibrate(campaign_file, evidence, key_file=keys[0], force=force)
     on_stage("verify")
-    verified = verify(evidence)
+    verified = verify(evidence, key_file=keys[1])
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
     replayed = _with_evidence(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
@@ -100,7 +106,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
         rms_errors(replayed.frames["calibration"]),
         answer(replayed, str(recording)),
         (
-            *(*logs, *map(truth_path, logs), machine_file, campaign_file),
+            *(*logs, *map(truth_path, logs), machine_file, campaign_file, *keys),
             *(evidence, recording, picture),
         ),
     )
