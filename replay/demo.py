@@ -12,7 +12,7 @@ import polars as pl
 from analysis import Machine, Run
 from analysis.answer import JOINT, Answer, answer
 from analysis.calibration.by_method import calibrate_methods, calibration_frame, point_rows
-from analysis.calibration.straight_line import rms_errors
+from analysis.calibration.method_errors import rms_errors
 from analysis.calibration.trials import run_estimates
 from analysis.simulation import Scenario
 from estimators.errors import OutputError
@@ -116,7 +116,9 @@ def _with_evidence(replayed: Run, calibrated: Calibrated, empty_kg: float) -> Ru
     """The run with the line of the evidence before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
-    first = calibration_frame(point_rows(JOINT, points, document.calibration, empty_kg))
+    first = calibration_frame(
+        point_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+    )
     both = pl.concat([first, replayed.frames["calibration"]])
     return replace(replayed, frames={**replayed.frames, "calibration": both}).fingerprinted()
 

@@ -29,7 +29,7 @@ from tests.replay.made_evidence import Made
 
 TAMPERED = BundleOutcome.TAMPERED
 #: Of each file, so many flips go through the whole of `verify`.
-WHOLE = 40
+WHOLE = 20
 
 
 @contextmanager
