@@ -298,8 +298,8 @@ def main(
     write: bool = False,
 ) -> None:
     if whole:
-        heads = ["priors", "masses", "held", "± kg", "r.m.s. error kg", "error / u", "refused"]
-        tables = {"whole logs": markdown(heads, list(whole_campaigns(whole, seed)))}
+        heads = ["priors", "masses", "held", "± kg", "r.m.s. error kg", "error / u", "score"]
+        tables = {"whole logs": markdown([*heads, "refused"], list(whole_campaigns(whole, seed)))}
     else:
         tables = run_level(campaigns, trials, seed)
     for name, table in tables.items():
