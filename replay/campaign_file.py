@@ -41,8 +41,8 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     machine = weighed_in(campaign, machine)
     try:
-        references(campaign, machine.machine)
-        rule_of(campaign)
+        known, _ = references(campaign, machine.machine)
+        rule_of(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
     overdue = campaign.overdue()
