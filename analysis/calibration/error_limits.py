@@ -191,16 +191,22 @@ def _together(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
     worst = max(row.outside_1 for row in rows)
     if verdict == WITHIN:
         risk = worst
-        text = f"within {of_class} at every load; a mass is beyond them in at most {risk:.2g} of 1"
+        text = (
+            f"within {of_class} at every load; a mass is beyond them with a probability of at most "
+            f"{risk:.2g}"
+        )
     elif verdict == OUTSIDE:
         out = [row for row in rows if row.verdict == OUTSIDE]
         risk = 1.0 - max(row.outside_1 for row in out)
         loads = ", ".join(f"{row.load_kg:g}" for row in out)
-        text = f"outside of {of_class} at {loads} kg; a mass there is within in {risk:.2g} of 1"
+        text = (
+            f"outside of {of_class} at {loads} kg; a mass there is within them with a probability "
+            f"of {risk:.2g}"
+        )
     else:
         risk = min(worst, 1.0 - worst)
         text = (
             f"neither within nor outside of {of_class} at a risk of {rule.risk_1:g}: a mass is "
-            f"beyond them in up to {worst:.2g} of 1"
+            f"beyond them with a probability of up to {worst:.2g}"
         )
     return ErrorLimits(rule, rows, verdict, risk, text)
