@@ -13,8 +13,11 @@ from typing import Any
 import polars as pl
 import pytest
 
+from recordings.evidence.chain_check import check_chain
+from recordings.evidence.checked import CheckedBundle
+from recordings.evidence.document import document_of
 from recordings.evidence.findings import BundleOutcome
-from recordings.evidence.folder import PDF, STATEMENT, SUMS
+from recordings.evidence.folder import EVIDENCE, PDF, STATEMENT, SUMS
 from replay.calibrate import calibrate
 from replay.verify import verify
 from tests.conftest import REPO
@@ -57,6 +60,20 @@ def test_an_older_head_of_the_chain_is_found(made: Made) -> None:
     skipped = verify(made.third, key_file=made.public, previous=made.first)
     assert skipped.outcome is TAMPERED
     assert "is other evidence than that given" in items(skipped)
+
+
+def test_a_check_has_line_machine_and_priors_of_what_it_is_a_check_of(made: Made) -> None:
+    before = CheckedBundle()
+    before.document = last = document_of((made.first / EVIDENCE).read_bytes(), EVIDENCE)
+    before.sums = (made.first / SUMS).read_bytes()
+    own = document_of((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
+    assert own.learnt != last.learnt
+    names = ("calibration", "expires", "machine", "learnt", "options")
+    kept = {"kind": "check", **{name: getattr(last, name) for name in names}}
+    for more, item in (({}, None), ({"learnt": own.learnt}, f"{EVIDENCE}: learnt")):
+        checked = CheckedBundle()
+        check_chain(checked, own.model_copy(update=kept | more), before)
+        assert [each.item for each in checked.findings] == ([] if item is None else [item])
 
 
 def test_the_statement_of_other_evidence_is_found(made: Made, tmp_path: Path) -> None:
