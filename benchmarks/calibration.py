@@ -20,6 +20,7 @@ from scipy.stats import t as student_t
 from analysis.calibration.fit import tested_line
 from analysis.calibration.inversion import Inversion
 from analysis.calibration.model import Points
+from analysis.calibration.straight_line import line_of_19
 from analysis.calibration.variance_components import Within
 from analysis.reproduction import paper
 from analysis.reproduction.torque_chain import TorqueChain
@@ -114,14 +115,14 @@ def drawn(dice: np.random.Generator, plan: Plan) -> Drawn:
     return Drawn(points, known_kg, mass_kg, mean_kg[-1], int(readings[-1]), float(said_kg))
 
 
-def line_of_19(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float, float]:
-    """Slope and offset of (19) by least squares, and their textbook deviations."""
-    x0 = x.mean()
-    squares = (x - x0) @ (x - x0)
-    alpha = (x - x0) @ (y - y.mean()) / squares
-    left = y - y.mean() - alpha * (x - x0)
+def of_19(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float, float]:
+    """Slope and offset of (19), and their textbook deviations."""
+    line = line_of_19(x, y)
+    assert line is not None
+    alpha, beta = line
+    left = y - alpha * x - beta
     s = np.sqrt(left @ left / (x.size - 2))
-    return alpha, y.mean() - alpha * x0, s / np.sqrt(squares), s
+    return alpha, beta, s / np.sqrt(((x - x.mean()) ** 2).sum()), s
 
 
 def holds_19(one: Drawn) -> tuple[bool, bool]:
@@ -129,7 +130,7 @@ def holds_19(one: Drawn) -> tuple[bool, bool]:
     points = one.points
     loads = np.unique(points.load)
     x = np.array([points.y_kg[points.load == load].mean() for load in loads])
-    alpha, beta, u_alpha, s = line_of_19(x, points.reference_kg[loads])
+    alpha, beta, u_alpha, s = of_19(x, points.reference_kg[loads])
     error = abs(alpha * one.y_kg + beta - one.mass_kg)
     spread = np.hypot(s * np.sqrt(1.0 + 1.0 / x.size), (one.y_kg - x.mean()) * u_alpha)
     factor = student_t.ppf(0.5 + CONFIDENCE / 2.0, x.size - 2)
@@ -253,7 +254,7 @@ def by_19(
     x: np.ndarray, y: np.ndarray, line: tuple[float, float]
 ) -> tuple[float, float, float, float]:
     """The same by least squares of (19) and its textbook intervals."""
-    alpha, beta, u_alpha, s = line_of_19(x, y)
+    alpha, beta, u_alpha, s = of_19(x, y)
     factor = student_t.ppf(0.5 + CONFIDENCE / 2.0, x.size - 2)
     u_beta = np.hypot(s / np.sqrt(x.size), x.mean() * u_alpha)
     c0, c1 = line
@@ -297,8 +298,8 @@ def main(
     write: bool = False,
 ) -> None:
     if whole:
-        heads = ["priors", "masses", "held", "± kg", "r.m.s. error kg", "error / u", "refused"]
-        tables = {"whole logs": markdown(heads, list(whole_campaigns(whole, seed)))}
+        heads = ["priors", "masses", "held", "± kg", "r.m.s. error kg", "error / u", "score"]
+        tables = {"whole logs": markdown([*heads, "refused"], list(whole_campaigns(whole, seed)))}
     else:
         tables = run_level(campaigns, trials, seed)
     for name, table in tables.items():

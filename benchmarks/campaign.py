@@ -13,7 +13,7 @@ from typing import Annotated
 import polars as pl
 import typer
 
-from analysis.calibration.straight_line import rms_errors
+from analysis.calibration.method_errors import rms_errors
 from analysis.simulation import Scenario
 from replay import load_machine
 from replay.demo import replay_campaign

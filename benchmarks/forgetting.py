@@ -11,7 +11,8 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.calibration.straight_line import calibrate, rms_errors
+from analysis.calibration.by_method import calibrate_methods
+from analysis.calibration.method_errors import rms_errors
 from analysis.calibration.trials import run_estimates
 from analysis.gate import gate
 from analysis.regressor import straight
@@ -52,7 +53,7 @@ def campaign(seeds: int) -> tuple[Found, Found]:
     for seed in range(1, seeds + 1):
         plan = scenario(seed, loads_kg=Scenario().campaign.loads_kg)
         for option, table in estimates_of(*joined(plan, machine=MACHINE)).items():
-            left_out[option].append(rms_errors(calibrate(table))["rmse_left_out_kg"][0])
+            left_out[option].append(rms_errors(calibrate_methods(table))["rmse_left_out_kg"][0])
             raw[option] += (table["mass_kg"] - table["reference_kg"]).to_list()
     return left_out, raw
 

@@ -12,7 +12,8 @@ import numpy as np
 import polars as pl
 import typer
 
-from analysis.calibration.straight_line import calibrate, rms_errors
+from analysis.calibration.by_method import calibrate_methods
+from analysis.calibration.method_errors import rms_errors
 from analysis.calibration.trials import run_estimates
 from analysis.gate import gate
 from analysis.regressor import straight
@@ -83,7 +84,7 @@ def one_seed(parts: tuple[dict[str, object], ...], seed: int) -> dict[tuple[str,
         error = (windows["mass_kg"] - windows["mass_kg_true"]).to_numpy()
         named = {f"estimates/{method}": table for method, table in estimates.items()}
         by_run = run_estimates(Run(named, replayed.provenance), runs)
-        errors = rms_errors(calibrate(by_run))
+        errors = rms_errors(calibrate_methods(by_run))
         left_out = dict(errors.select("method", "rmse_left_out_kg").iter_rows())
         raw = by_run.filter(pl.col("method") == "ls")
         raw_error = (raw["mass_kg"] - raw["reference_kg"]).drop_nulls().to_numpy()

@@ -10,6 +10,9 @@ from typing import Final
 
 import numpy as np
 import polars as pl
+from scipy.optimize import brentq
+from scipy.stats import norm
+from scipy.stats import t as student_t
 
 from analysis.calibration.apply import calibrated_loads
 from analysis.calibration.calibration import CalibrationOptions
@@ -31,6 +34,9 @@ EMPTY_KG: Final = 3614.0
 REFERENCE_U_KG: Final = 0.5
 FROM_LOG_TO_LOG_N: Final = 15.0
 DAY: Final = "2023-11-14"
+CONFIDENCE: Final = 0.95
+#: Between these the degrees of freedom of an interval are looked for.
+FREEDOMS: Final = (0.5, 1e6)
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,17 @@ class Outcome:
     half_kg: float
     u_kg: float
     held: bool
+
+    @property
+    def score(self) -> float:
+        """The error in deviations of a normal distribution, by the interval's Student's t."""
+        factor = self.half_kg / self.u_kg
+        tail = 0.5 + CONFIDENCE / 2.0
+        if factor <= norm.ppf(tail):
+            return self.error_kg / self.u_kg
+        freedom = brentq(lambda at: float(student_t.ppf(tail, at)) - factor, *FREEDOMS)
+        beyond = student_t.sf(abs(self.error_kg) / self.u_kg, freedom)
+        return float(np.copysign(norm.isf(beyond), self.error_kg))
 
 
 def machine_of(dice: np.random.Generator) -> dict[str, dict[str, float]]:
@@ -140,19 +157,38 @@ def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
 
 
 def whole(campaigns: int, seed: int) -> Iterator[list[str]]:
-    """A row by priors: masses, held, half interval, r.m.s. error, error over u, refused."""
+    """A row by priors, as `summed_up` gives them."""
     machine = load_machine("cat262c.toml")
-    found: dict[str, list[Outcome]] = {}
+    found: dict[str, list[list[Outcome]]] = {}
     for number in range(campaigns):
         for name, outcomes in campaign(seed * 1000 + number, machine).items():
-            found.setdefault(name, []).extend(outcomes)
-        print(
-            number, {n: f"{sum(o.held for o in v)}/{len(v)}" for n, v in found.items()}, flush=True
-        )
-    for name, outcomes in found.items():
-        known = [one for one in outcomes if np.isfinite(one.error_kg)]
+            found.setdefault(name, []).append(outcomes)
+        print(number, {name: _held(each[-1]) for name, each in found.items()}, flush=True)
+    return summed_up(found)
+
+
+def summed_up(found: dict[str, list[list[Outcome]]]) -> Iterator[list[str]]:
+    """A row by priors: masses, held, half interval, r.m.s. error, error over u, score, refused.
+
+    A score is the error in deviations of a normal distribution, by the Student's t that its
+    interval is of: r.m.s. 1 where intervals are as wide as they should be.
+
+    Args:
+        found: by priors, the later loads of each campaign.
+    """
+    for name, campaigns in found.items():
+        every = [one for outcomes in campaigns for one in outcomes]
+        known = [one for one in every if np.isfinite(one.error_kg)]
         errors = np.array([one.error_kg for one in known])
         over = errors / np.array([one.u_kg for one in known])
+        # masses of one campaign share its line: the campaigns are what is independent
+        squares = [
+            float(np.mean([one.score**2 for one in outcomes if np.isfinite(one.error_kg)]))
+            for outcomes in campaigns
+            if any(np.isfinite(one.error_kg) for one in outcomes)
+        ]
+        score = float(np.sqrt(np.mean(squares)))
+        score_u = float(np.std(squares, ddof=1)) / np.sqrt(len(squares)) / (2.0 * score)
         yield [
             name,
             str(len(known)),
@@ -160,5 +196,10 @@ def whole(campaigns: int, seed: int) -> Iterator[list[str]]:
             f"{np.median([one.half_kg for one in known]):.1f}",
             f"{np.sqrt((errors**2).mean()):.1f}",
             f"{np.sqrt((over**2).mean()):.2f}",
-            str(len(outcomes) - len(known)),
+            f"{score:.2f} ± {score_u:.2f}",
+            str(len(every) - len(known)),
         ]
+
+
+def _held(outcomes: Sequence[Outcome]) -> str:
+    return f"{sum(one.held for one in outcomes)}/{len(outcomes)}"

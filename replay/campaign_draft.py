@@ -17,7 +17,7 @@ from replay.pipeline import run
 from replay.readers import Log, open_log
 
 _HEAD = """\
-# A first campaign file for {count} in this folder: check and complete every line of it.
+# A first campaign file for {count} in this folder: check every line, complete each TODO.
 # `payscope calibrate {name} -o evidence` then replays every run and writes the evidence.
 
 [campaign]
@@ -44,9 +44,9 @@ id = {id}
 # One block a reference mass. Masses weighed on one scale share a part of their uncertainty.
 [[masses]]
 id = "mass-1"
-value_kg = 50.0                # TODO
+value_kg = 50.0
 u_kg = 0.05                    # standard uncertainty (k = 1)
-certificate = "TODO"
+certificate = "TODO"           # "" without
 # expires = 2030-12-31
 # source = "scale-1"
 # shared_u_kg = 0.04
@@ -123,14 +123,14 @@ def _runs(log: Log, name: str, machine: Machine | None) -> Iterator[str]:
     day = (
         f"{dt.datetime.fromtimestamp(start_ns // 10**9, zone):%Y-%m-%d}"
         if dated and isinstance(start_ns, int)
-        else "2000-01-01             # TODO: this log has no date"
+        else '"TODO"                    # this log has no date'
     )
     for stretch, said in _stretches(log, machine):
         lines = [
             "[[runs]]",
             f"log = {json.dumps(name, ensure_ascii=False)}",
             *stretch,
-            f"loads = []                     # TODO: ids of the masses on board{said}",
+            f'loads = ["TODO"]               # ids of the masses on board; [] without load{said}',
             f"day = {day}",
             'operator = ""',
             "",

@@ -1,6 +1,8 @@
 """Campaign files of a calibration: TOML in, a validated campaign out, every fault in one line."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, Final
 
 from analysis.calibration.campaign import CalibrationCampaign
 from analysis.calibration.campaign_fit import rule_of
@@ -9,6 +11,9 @@ from analysis.machine import Machine
 from estimators.errors import CampaignError, DataError
 from replay.machine_file import load_machine, machine_path
 from replay.toml_file import read_toml, validate
+
+#: What a draft has for whatever no log can say.
+TODO: Final = "TODO"
 
 
 def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
@@ -27,14 +32,17 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
             f"{path}: no such campaign file; `payscope init --campaign FOLDER -o {path}` drafts "
             "one from a folder of logs"
         )
-    campaign = validate(path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError)
+    content = read_toml(path, CampaignError)
+    for place, text in left_open(content):
+        raise CampaignError(f"{path}: {place}: is left to complete ('{text}')")
+    campaign = validate(path, content, CalibrationCampaign, CampaignError)
     beside = path.parent / campaign.machine.file
     shipped = machine_path(Path(campaign.machine.file))
     machine = load_machine(beside if beside.exists() or not shipped.exists() else shipped)
     machine = weighed_in(campaign, machine)
     try:
-        references(campaign, machine.machine)
-        rule_of(campaign)
+        known, _ = references(campaign, machine.machine)
+        rule_of(campaign, known)
     except (CampaignError, DataError) as fault:
         raise CampaignError(f"{path}: {fault}") from None
     overdue = campaign.overdue()
@@ -50,6 +58,18 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
                 "folder"
             )
     return campaign, machine
+
+
+def left_open(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
+    """Where a draft was not completed: the place of each text that begins with TODO, and it."""
+    if isinstance(content, dict):
+        for name, value in content.items():
+            yield from left_open(value, f"{place}.{name}" if place else name)
+    elif isinstance(content, list):
+        for number, value in enumerate(content, start=1):
+            yield from left_open(value, f"{place}[{number}]")
+    elif isinstance(content, str) and content.startswith(TODO):
+        yield place, content
 
 
 def weighed_in(campaign: CalibrationCampaign, machine: Machine) -> Machine:

@@ -5,6 +5,7 @@ import platform
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 from typing import Final
@@ -105,6 +106,7 @@ def replay_runs(
     return Replayed(pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms))
 
 
+@cache
 def software() -> Software:
     """Which payscope, libraries and platform this is."""
     return Software(

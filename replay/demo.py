@@ -12,12 +12,13 @@ import polars as pl
 from analysis import Machine, Run
 from analysis.answer import JOINT, Answer, answer
 from analysis.calibration.by_method import calibrate_methods, calibration_frame, point_rows
-from analysis.calibration.straight_line import rms_errors
+from analysis.calibration.method_errors import rms_errors
 from analysis.calibration.trials import run_estimates
 from analysis.simulation import Scenario
 from analysis.simulation.shift import SimulatedShift
 from estimators.errors import OutputError
 from recordings import plot_run, write_recording
+from recordings.evidence.signing import new_key_pair
 from recordings.output import check_folder, check_output, whole_file
 from replay.calibrate import Calibrated, calibrate
 from replay.calibrated import AskedCalibration
@@ -97,7 +98,8 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     recording, picture = folder / "campaign.rrd", folder / "campaign.png"
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
     shift, page = folder / "shift.mcap", folder / "review"
-    for output in (machine_file, campaign_file, recording, picture):
+    keys = folder / "key.pem", folder / "key.pub.pem"
+    for output in (machine_file, campaign_file, *keys, recording, picture):
         check_output(output, force=force)
     check_folder(evidence, force=force)
     check_folder(page, force=force)
@@ -108,10 +110,14 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     logs = simulate(scenario, folder / "campaign.bag", force=force)
     with whole_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
+    for path, half in zip(keys, new_key_pair(), strict=True):
+        with whole_file(path, force=force) as partial:
+            partial.touch(mode=0o600)
+            partial.write_bytes(half)
     on_stage("calibrate")
-    calibrated = calibrate(campaign_file, evidence, force=force)
+    calibrated = calibrate(campaign_file, evidence, key_file=keys[0], force=force)
     on_stage("verify")
-    verified = verify(evidence)
+    verified = verify(evidence, key_file=keys[1])
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
     replayed = _with_evidence(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")
@@ -129,7 +135,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
         answer(replayed, str(recording)),
         reviewed,
         (
-            *(*logs, *map(truth_path, logs), machine_file, campaign_file),
+            *(*logs, *map(truth_path, logs), machine_file, campaign_file, *keys),
             *(evidence, recording, picture, *hauled, page),
         ),
     )
@@ -139,7 +145,9 @@ def _with_evidence(replayed: Run, calibrated: Calibrated, empty_kg: float) -> Ru
     """The run with the line of the evidence before those of the methods."""
     document = calibrated.document
     points = () if document.calibration is None else document.calibration.points
-    first = calibration_frame(point_rows(JOINT, points, document.calibration, empty_kg))
+    first = calibration_frame(
+        point_rows(JOINT, points, document.calibration, lambda at: at.reference_kg - empty_kg)
+    )
     both = pl.concat([first, replayed.frames["calibration"]])
     return replace(replayed, frames={**replayed.frames, "calibration": both}).fingerprinted()
 

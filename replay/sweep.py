@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from analysis.answer import Answer, answer
-from analysis.calibration.straight_line import run_errors
+from analysis.calibration.method_errors import run_errors
 from analysis.calibration.trials import run_estimates
 from analysis.machine import LogSection, Machine
 from analysis.run import Run

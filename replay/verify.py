@@ -1,5 +1,6 @@
 """The command `verify`: a bundle checked by itself, and against its logs."""
 
+import datetime as dt
 import hashlib
 import os
 import stat
@@ -107,6 +108,8 @@ def verify(
         checked.notes.append(
             "the logs were not replayed: that the readings are theirs, only --logs shows"
         )
+    if document is not None and document.expires < dt.datetime.now(dt.UTC).date():
+        checked.notes.append(f"expired on {document.expires}: it calibrates no log of a later day")
     return Verified(
         folder,
         tuple(checked.findings),

@@ -88,28 +88,32 @@ def fit_campaign(
         options: of the fit.
     """
     known, covariance_kg2 = references(campaign, body)
-    rule_of(campaign)
+    rule = rule_of(campaign, known)
     try:
         fitted = fit_calibration(readings, known, covariance_kg2, options)
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
         return CampaignFit(None, no_fit, unfitted_points(readings, known), None)
-    rule = rule_of(campaign)
     limits = None if rule is None else error_limits(fitted, rule)
     return CampaignFit(fitted, "", fitted.points, limits)
 
 
-def rule_of(campaign: CalibrationCampaign) -> DecisionRule | None:
+def rule_of(campaign: CalibrationCampaign, known: pl.DataFrame) -> DecisionRule | None:
     """The decision rule that a campaign file asks for.
 
+    Args:
+        campaign: its decision.
+        known: `reference_kg` of its loads.
+
     Raises:
-        DataError: no such class, or one that needs a scale interval.
+        DataError: no such class, one that needs a scale interval, or one without such a load.
     """
     asked = campaign.decision
     if asked is None:
         return None
     rule = DecisionRule(**asked.model_dump())
-    limit_kg(rule, 1.0)
+    for reference_kg in known["reference_kg"]:
+        limit_kg(rule, reference_kg - rule.tare_kg)
     return rule
 
 

@@ -37,6 +37,10 @@ class StraightLine:
     x: Floats
     residual: Floats
 
+    def at(self, y: Floats) -> Floats:
+        """(values,) abscissae at which the line has these ordinates."""
+        return (y - self.intercept) / self.slope
+
 
 def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> StraightLine:
     """Fit a straight line by generalised distance regression.

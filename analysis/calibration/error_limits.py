@@ -11,14 +11,15 @@ from analysis.calibration.calibration import Calibration
 from estimators.errors import DataError, nearest
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
-#: OIML R 51: loads up to so many scale intervals e, by class; the last limit holds above.
-_R51_STEPS_E: Final[Mapping[str, tuple[float, float]]] = {
-    "OIML R 51 Y(a)": (500.0, 2000.0),
-    "OIML R 51 Y(b)": (50.0, 200.0),
+#: OIML R 51: loads up to so many scale intervals e, by class; it has no more than the last.
+_R51_STEPS_E: Final[Mapping[str, tuple[float, float, float]]] = {
+    "OIML R 51 Y(a)": (500.0, 2000.0, 10_000.0),
+    "OIML R 51 Y(b)": (50.0, 200.0, 1000.0),
 }
 #: Their limits in e, at the first verification and in service.
 _R51_LIMITS_E: Final = {False: (1.5, 2.0, 2.5), True: (2.0, 3.0, 4.0)}
 #: OIML R 134: limits as shares of the mass at the first verification; in service twice as much.
+#: Where a scale interval and axles would allow more, it is not counted.
 _R134_LIMITS_1: Final[Mapping[str, float]] = {
     "OIML R 134 0.2": 0.0010,
     "OIML R 134 0.5": 0.0025,
@@ -93,10 +94,12 @@ def limit_kg(rule: DecisionRule, load_kg: float) -> float:
     """The error that a class allows to either side of a load.
 
     Raises:
-        DataError: an unknown class, or one that needs a scale interval without any.
+        DataError: an unknown class, one that needs a scale interval without any, or a load of more
+            scale intervals than the class has.
 
     Source:
-        OIML R 51-1 (2006), category Y; OIML R 134-1 (2006), vehicle mass.
+        OIML R 51-1 (2006), category Y in automatic operation (its table stands also in the Northern
+        Ireland Statutory Rule 2006 No. 154, schedule 5); OIML R 134-1 (2006), 2.2, vehicle mass.
     """
     name = rule.accuracy_class
     if name in _R134_LIMITS_1:
@@ -106,7 +109,13 @@ def limit_kg(rule: DecisionRule, load_kg: float) -> float:
     e_kg = rule.scale_interval_kg
     if e_kg is None or not e_kg > 0.0:
         raise DataError(f"error limits: {name} needs a scale interval e in kg")
-    step = int(np.searchsorted(_R51_STEPS_E[name], abs(load_kg) / e_kg))
+    load_e = abs(load_kg) / e_kg
+    step = int(np.searchsorted(_R51_STEPS_E[name], load_e))
+    if step == len(_R51_STEPS_E[name]):
+        raise DataError(
+            f"error limits: {name} ends at {_R51_STEPS_E[name][-1]:g} e, and a load of "
+            f"{abs(load_kg):g} kg is {load_e:.0f} e; take a larger e"
+        )
     return _R51_LIMITS_E[rule.in_service][step] * e_kg
 
 
@@ -182,16 +191,22 @@ def _together(rule: DecisionRule, rows: tuple[LimitRow, ...]) -> ErrorLimits:
     worst = max(row.outside_1 for row in rows)
     if verdict == WITHIN:
         risk = worst
-        text = f"within {of_class} at every load; a mass is beyond them in at most {risk:.2g} of 1"
+        text = (
+            f"within {of_class} at every load; a mass is beyond them with a probability of at most "
+            f"{risk:.2g}"
+        )
     elif verdict == OUTSIDE:
         out = [row for row in rows if row.verdict == OUTSIDE]
         risk = 1.0 - max(row.outside_1 for row in out)
         loads = ", ".join(f"{row.load_kg:g}" for row in out)
-        text = f"outside of {of_class} at {loads} kg; a mass there is within in {risk:.2g} of 1"
+        text = (
+            f"outside of {of_class} at {loads} kg; a mass there is within them with a probability "
+            f"of {risk:.2g}"
+        )
     else:
         risk = min(worst, 1.0 - worst)
         text = (
             f"neither within nor outside of {of_class} at a risk of {rule.risk_1:g}: a mass is "
-            f"beyond them in up to {worst:.2g} of 1"
+            f"beyond them with a probability of up to {worst:.2g}"
         )
     return ErrorLimits(rule, rows, verdict, risk, text)

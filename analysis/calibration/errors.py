@@ -1,17 +1,21 @@
 """What the points of a calibration err by: on the line, with their load left out, and on (19)."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
 
 from analysis.calibration.calibration import Point
-from analysis.calibration.distance_regression import distance_regression
-from analysis.calibration.model import FittedLine
+from analysis.calibration.distance_regression import StraightLine, distance_regression
+from analysis.calibration.model import FittedLine, Points
 from analysis.calibration.outliers import studentised
 from analysis.calibration.points import Campaign
+from analysis.calibration.straight_line import line_of_19
 from analysis.calibration.variance_components import Floats
+
+#: What (19) goes from, and to.
+_OF_19: Final = ("mass_kg", "reference_kg")
 
 
 def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
@@ -39,20 +43,30 @@ def point_rows(campaign: Campaign, line: FittedLine) -> tuple[Point, ...]:
 def _left_out(campaign: Campaign, line: FittedLine) -> Floats:
     """(points,) error of each under the line through the other loads; NaN where they give none."""
     points = campaign.points
-    x_cov = points.x_cov_kg2
-    y_cov = line.point_covariance_kg2 - line.slope_1**2 * x_cov
     errors = np.full(points.y_kg.size, np.nan)
-    x = points.x_kg
-    for load in np.unique(points.load):
+    for load, other in lines_left_out(points, line).items():
         left = points.load == load
-        rest = ~left
+        errors[left] = other.at(points.y_kg[left]) - points.x_kg[left]
+    return errors
+
+
+def lines_left_out(points: Points, line: FittedLine) -> dict[int, StraightLine]:
+    """The line through the other loads, by index of the load that is left out.
+
+    A load whose others give no line has none.
+    """
+    x, x_cov = points.x_kg, points.x_cov_kg2
+    y_cov = line.point_covariance_kg2 - line.slope_1**2 * x_cov
+    found: dict[int, StraightLine] = {}
+    for load in np.unique(points.load):
+        rest = points.load != load
         if np.unique(x[rest]).size < 2:
             continue
         inner = np.ix_(rest, rest)
         other = distance_regression(x[rest], points.y_kg[rest], x_cov[inner], y_cov[inner])
         if other.slope:
-            errors[left] = (points.y_kg[left] - other.intercept) / other.slope - x[left]
-    return errors
+            found[int(load)] = other
+    return found
 
 
 def rms(errors: Sequence[float | None]) -> float | None:
@@ -71,15 +85,12 @@ def attenuation(campaign: Campaign) -> float | None:
     means = single.group_by("load_id", maintain_order=True).agg(
         pl.col("mass_kg", "reference_kg").mean()
     )
-    slopes = [_slope(part) for part in (single, means)]
+    lines = [
+        line_of_19(*(part[name].to_numpy().astype(np.float64) for name in _OF_19))
+        for part in (single, means)
+    ]
+    slopes = [line[0] if line else 0.0 for line in lines]
     return slopes[0] / slopes[1] if slopes[1] else None
-
-
-def _slope(part: pl.DataFrame) -> float:
-    """Least-squares slope of the reference on the estimate."""
-    x, y = (part[name].to_numpy().astype(np.float64) for name in ("mass_kg", "reference_kg"))
-    x, y = x - x.mean(), y - y.mean()
-    return float(x @ y / (x @ x)) if x.any() else 0.0
 
 
 def stated_ratio(campaign: Campaign) -> float | None:

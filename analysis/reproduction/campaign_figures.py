@@ -6,7 +6,8 @@ from typing import Final
 
 import polars as pl
 
-from analysis.calibration.straight_line import calibrate, run_errors
+from analysis.calibration.by_method import calibrate_methods
+from analysis.calibration.method_errors import run_errors
 from analysis.reproduction import paper
 from analysis.reproduction.intervals import mean_intervals
 from analysis.reproduction.replayed import ReplayedCampaign
@@ -62,7 +63,9 @@ def loads_of(campaign: ReplayedCampaign) -> pl.DataFrame:
         rms_kg=(pl.col("error_kg") ** 2).mean().sqrt(),
         rms_left_out_kg=(pl.col("error_left_out_kg") ** 2).mean().sqrt(),
     )  # fmt: skip
-    return calibrate(estimates).join(errors, ["method", "load_kg"], "left", maintain_order="left")
+    return calibrate_methods(estimates).join(
+        errors, ["method", "load_kg"], "left", maintain_order="left"
+    )
 
 
 LOADS: Final = Extract(CAMPAIGNS, loads_of)

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
-from analysis.calibration.straight_line import calibrate
+from analysis.calibration.by_method import calibrate_methods
 from analysis.reproduction import paper
 from analysis.reproduction.intervals import lowest, mean_intervals
 from analysis.reproduction.replayed import (
@@ -57,7 +57,7 @@ class Table2:
 def fitted_lines(campaign: ReplayedCampaign, chain: str) -> pl.DataFrame:
     """Fit (19) to a campaign: a row a method, `chain`, `alpha_1` and `beta_kg`."""
     return (
-        calibrate(campaign.estimates())
+        calibrate_methods(campaign.estimates())
         .group_by("method", maintain_order=True)
         .agg(pl.lit(chain).alias("chain"), pl.col("alpha_1", "beta_kg").first())
     )

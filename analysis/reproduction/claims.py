@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import polars as pl
 
-from analysis.calibration.straight_line import run_errors
+from analysis.calibration.method_errors import run_errors
 from analysis.gate import gate
 from analysis.reproduction import paper
 from analysis.reproduction.excitation_figures import WINDOW_S

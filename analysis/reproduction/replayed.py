@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from analysis.calibration.straight_line import calibrate, rms_errors, run_errors
+from analysis.calibration.by_method import calibrate_methods
+from analysis.calibration.method_errors import rms_errors, run_errors
 from analysis.calibration.trials import run_estimates
 from analysis.gate import gate, samples_of
 from analysis.reproduction.bounds import equation_noise, mass_bounds_kg
@@ -86,7 +87,7 @@ def errors(campaign: ReplayedCampaign) -> pl.DataFrame:
         (pl.col("error_kg") ** 2).mean().sqrt().alias("run_kg"),
         (pl.col("error_left_out_kg") ** 2).mean().sqrt().alias("run_left_out_kg"),
     )  # fmt: skip
-    means = rms_errors(calibrate(estimates)).select(
+    means = rms_errors(calibrate_methods(estimates)).select(
         "method", mean_kg="rmse_kg", mean_left_out_kg="rmse_left_out_kg"
     )
     return single.join(means, "method", "left", maintain_order="left")

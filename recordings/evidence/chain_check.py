@@ -47,10 +47,16 @@ def check_chain(
         checked.add(BundleOutcome.TAMPERED, f"{item}.previous", "is other evidence than that given")
     else:
         _check_as_found(checked, document, last)
-        kept = (document.calibration, document.expires)
-        if document.kind == "check" and kept != (last.calibration, last.expires):
-            what = "line and last day are not those of the evidence before, which it is a check of"
-            checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: calibration", what)
+        if document.kind == "check":
+            _check_kept(checked, document, last)
+
+
+def _check_kept(checked: CheckedBundle, document: EvidenceDocument, last: EvidenceDocument) -> None:
+    """What a check takes over from the evidence that it is a check of."""
+    for name in ("calibration", "expires", "machine", "learnt", "options"):
+        if getattr(document, name) != getattr(last, name):
+            what = "is not that of the evidence before, which it is a check of"
+            checked.add(BundleOutcome.TAMPERED, f"{EVIDENCE}: {name}", what)
 
 
 def _check_as_found(

@@ -59,7 +59,7 @@ def check_bundle(
 def _trusted(folder: Path) -> CheckedBundle:
     """Evidence that is trusted to be genuine: whether it is whole, and what it is."""
     checked = CheckedBundle()
-    held = _files(folder, checked)
+    held = check_files(folder, checked)
     if EVIDENCE in held:
         try:
             checked.document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
@@ -71,7 +71,7 @@ def _trusted(folder: Path) -> CheckedBundle:
 def _checked(folder: Path, key: PublicKey | None) -> CheckedBundle:
     """Check a bundle, without the one before it."""
     checked = CheckedBundle()
-    held = _files(folder, checked)
+    held = check_files(folder, checked)
     if EVIDENCE not in held:
         return checked
     digests = {name: each.sha256 for name, each in held.items() if name not in UNLISTED}
@@ -93,8 +93,16 @@ def _checked(folder: Path, key: PublicKey | None) -> CheckedBundle:
     return checked
 
 
-def _files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
-    """Every file that a bundle may hold, against SHA256SUMS."""
+def check_files(folder: Path, checked: CheckedBundle) -> dict[str, BundleFile]:
+    """Read every file that a bundle may hold, and compare it with SHA256SUMS.
+
+    Args:
+        folder: the bundle.
+        checked: gets what is wrong.
+
+    Returns:
+        The files that could be read, by name.
+    """
     names, strange = listing(folder)
     for name, what in strange[:_MOST_NAMED]:
         checked.add(BundleOutcome.TAMPERED, name, what)

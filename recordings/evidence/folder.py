@@ -64,7 +64,8 @@ def listing(folder: Path) -> tuple[list[str], list[tuple[str, str]]]:
         EvidenceError: it is no folder, holds none of a bundle's files, or more entries than any.
     """
     if not folder.is_dir():
-        raise EvidenceError(f"{folder}: no such folder; `payscope calibrate` writes one")
+        fault = "is no folder; name that of the bundle" if folder.exists() else "no such folder"
+        raise EvidenceError(f"{folder}: {fault}; `payscope calibrate` writes one")
     good: list[str] = []
     bad: list[tuple[str, str]] = []
     for number, (name, mode) in enumerate(_entries(folder)):

@@ -16,6 +16,7 @@ import polars as pl
 from analysis.calibration.calibration import Calibration
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.figures import WIDTH
+from recordings.evidence.learnt_terms import learnt_rows
 from recordings.evidence.plots import pictures
 from recordings.evidence.words import ESTIMATORS, in_words, unseen
 
@@ -50,6 +51,7 @@ def report_html(document: EvidenceDocument, readings: pl.DataFrame, points: pl.D
         points=_points(points),
         rejected=_rejected(readings),
         budget=_budget(document.calibration),
+        learnt=learnt_rows(document.learnt),
         references=_references(document),
         runs=_runs(document, readings),
         estimator=ESTIMATORS.get(document.estimator.name, document.estimator.name),

@@ -93,6 +93,21 @@ class SigningKey:
         return self.private.sign(message)
 
 
+def new_key_pair() -> tuple[bytes, bytes]:
+    """Make a key: its private and its public half in PEM."""
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import (
+        Encoding,
+        NoEncryption,
+        PrivateFormat,
+        PublicFormat,
+    )
+
+    key = Ed25519PrivateKey.generate()
+    public = key.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()), public
+
+
 def signing_key(path: Path | None) -> SigningKey | None:
     """The private key of the file, else of the environment variable; None where there is neither.
 

@@ -22,6 +22,13 @@ if TYPE_CHECKING:
 _READER: Final = Path(__file__).with_name("parquet_process.py")
 _PATIENCE_S: Final = 60.0
 _MOST_OUTPUT: Final = 256 << 20
+#: What `write_table` makes of a column, by Arrow's name: the reader's process has Arrow, not ours.
+_ARROW: Final[Mapping[type[pl.DataType], str]] = {
+    pl.String: "string",
+    pl.Float64: "double",
+    pl.Int64: "int64",
+    pl.Boolean: "bool",
+}
 
 Schema = Mapping[str, type[pl.DataType]]
 
@@ -75,10 +82,7 @@ def _read(tables: Sequence[StrangeTable]) -> list[dict[str, Any]] | None:
     asked = [
         {
             "bytes": len(table.data),
-            "columns": [
-                [field.name, str(field.type)]
-                for field in _plain(pl.DataFrame(schema=table.schema)).schema
-            ],
+            "columns": [[name, _ARROW[dtype]] for name, dtype in table.schema.items()],
         }
         for table in tables
     ]

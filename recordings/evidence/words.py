@@ -96,8 +96,8 @@ def _learnt(document: EvidenceDocument) -> list[str]:
         return []
     logs = len({each.log for each in learnt.logs})
     return [
-        f"The mass is found with what {logs} logs say together of {', '.join(learnt.terms)}; what "
-        "that has wrong is in every mass alike, and the line takes it with it."
+        f"The mass is found with what {logs} logs say together of {len(learnt.terms)} nuisances; "
+        "what that has wrong is in every mass alike, and the line takes it with it."
     ]
 
 

@@ -115,7 +115,9 @@ def table_2(found: Table2) -> Said:
     return Said(
         (
             _CAMPAIGN,
-            "The fit is on the means of each load's nine runs.",
+            "The fit is that of `payscope calibrate`, on the means of each load's nine runs: the "
+            "estimate on the reference, turned round. As (19) is printed, the reference on the "
+            "estimate, noise of the estimates flattens the slope a little.",
             "The second set of columns is a what-if: sensors on the front wheels, which carry "
             f"{percent(chain.empty_share_1)} of the empty machine and, of a load "
             f"{chain.load_lever_1 - 1:.2f} wheelbases ahead of the front axle, "

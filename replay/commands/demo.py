@@ -83,6 +83,7 @@ def _render(result: "Demo") -> "RenderableType":
     if line is not None:
         half_kg = line.u_kg * line.coverage_k_1
         notes.append(f"Evidence: a later mass of nine starts is known to ± {half_kg:.1f} kg.")
+    notes.append("It is signed with a key made for the demo; a real one is kept elsewhere.")
     notes += [*(str(finding) for finding in result.verified.findings), result.verified.verdict]
     return Group(loads, "", methods, *notes, "", "Files:", *made)
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
-from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from estimators.errors import EvidenceError
@@ -28,26 +27,21 @@ from recordings.evidence.folder import (
     sums_text,
 )
 from recordings.evidence.report import report_html
-from recordings.evidence.signing import PAYLOAD_TYPE, SigningKey, envelope, statement
+from recordings.evidence.signing import (
+    PAYLOAD_TYPE,
+    SigningKey,
+    envelope,
+    new_key_pair,
+    statement,
+)
 from recordings.evidence.tables import write_table
 
 
 def key_files(folder: Path, name: str = "key") -> tuple[Path, Path]:
     """A new key: its private and its public file."""
-    key = Ed25519PrivateKey.generate()
     private, public = folder / f"{name}.pem", folder / f"{name}.pub.pem"
-    private.write_bytes(
-        key.private_bytes(
-            serialization.Encoding.PEM,
-            serialization.PrivateFormat.PKCS8,
-            serialization.NoEncryption(),
-        )
-    )
-    public.write_bytes(
-        key.public_key().public_bytes(
-            serialization.Encoding.PEM, serialization.PublicFormat.SubjectPublicKeyInfo
-        )
-    )
+    for path, half in zip((private, public), new_key_pair(), strict=True):
+        path.write_bytes(half)
     return private, public
 
 

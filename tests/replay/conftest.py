@@ -10,6 +10,7 @@ import pytest
 
 from replay.commands import progress
 from replay.commands.cli import main
+from tests.replay.made_evidence import Made
 from tests.replay.sledge import MACHINE, Payscope, Said, sledge
 
 
@@ -55,6 +56,11 @@ def log(tmp_path: Path) -> Path:
     path = tmp_path / "sledge.csv"
     sledge().write_csv(path)
     return path
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    return Made(tmp_path_factory.mktemp("evidence"))
 
 
 @pytest.fixture(scope="module")

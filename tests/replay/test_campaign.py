@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from analysis.answer import answer
-from analysis.calibration.straight_line import rms_errors
+from analysis.calibration.method_errors import rms_errors
 from analysis.run import Run
 from analysis.simulation import Scenario
 from replay import load_machine

@@ -78,6 +78,15 @@ def test_a_draft_names_every_log_of_a_folder_and_can_be_completed(
     content = read_toml(draft, CampaignError)
     assert [run["log"] for run in content["runs"]] == [f"logs/load-{k}.csv" for k in range(4)]
     assert content["machine"]["file"] == "logs/sledge.toml"
-    load_campaign(draft)
+    left = payscope("calibrate", draft, "-o", tmp_path / "evidence")
+    one_line(left, "draft.toml", "campaign.intended_use: is left to complete")
+    text = draft.read_text()
+    undated, loads = ('day = "TODO"', "day = 2026-05-01"), ('["TODO"]', '["mass-1"]')
+    for open_one, said in (undated, loads, ('"TODO', '"Sledges')):
+        assert open_one in text
+        text = text.replace(open_one, said)
+    draft.write_text(text)
+    campaign, _ = load_campaign(draft)
+    assert campaign.campaign.author == "Sledges: who made it"
     one_line(payscope("init", "--campaign", tmp_path / "none", "-o", tmp_path / "x.toml"), "none")
     one_line(payscope("init", "-o", tmp_path / "x.toml"), "--campaign DIR")

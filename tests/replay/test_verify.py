@@ -1,372 +1,35 @@
-"""`payscope verify`: what an attacker without the key can do to a bundle, and is caught at."""
+"""`payscope verify`: keys, chain, logs, and an untouched bundle in another place."""
 
+import hashlib
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
 
+from recordings.evidence.chain_check import check_chain
+from recordings.evidence.checked import CheckedBundle
+from recordings.evidence.document import document_of
 from recordings.evidence.findings import BundleOutcome
-from recordings.evidence.folder import (
-    EVIDENCE,
-    PDF,
-    POINTS,
-    READINGS,
-    RECORDING,
-    REPORT,
-    STATEMENT,
-    SUMS,
-    listing,
-)
+from recordings.evidence.folder import EVIDENCE, PDF, STATEMENT, SUMS
 from replay.calibrate import calibrate
-from replay.verify import Verified, verify
-from tests.replay.attacker import Bundle, Tamper, key_files, sign_with_own_key, tampered
+from replay.verify import verify
+from tests.conftest import REPO
+from tests.replay.attacker import Bundle, sign_with_own_key, tampered
+from tests.replay.made_evidence import Made, items
 from tests.replay.sledge_campaign import campaign_folder
+from tests.replay.tamperings import TAMPERINGS
 
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
-INCOMPLETE, OUTSIDE = BundleOutcome.INCOMPLETE, BundleOutcome.OUTSIDE
-LIMITS = '\n[decision]\naccuracy_class = "OIML R 134 10"\n'
-
-
-class Made:
-    """Three bundles of one machine, each chained to the one before, and the logs."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.private, self.public = key_files(folder)
-        self.campaign = campaign_folder(folder / "campaign", extra=LIMITS)
-        before: Path | None = None
-        for name in ("first", "second", "third"):
-            calibrate(self.campaign, folder / name, key_file=self.private, previous=before)
-            before = folder / name
-        self.first, self.bundle, self.third = (folder / n for n in ("first", "second", "third"))
-
-    def verify(self, bundle: Path, **more: Any) -> Verified:
-        return verify(bundle, key_file=self.public, previous=self.first, **more)
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
-    return Made(tmp_path_factory.mktemp("evidence"))
-
-
-def in_evidence(*place: str | int, to: Any) -> Tamper:
-    """Set a value of evidence.json, or change it by a function."""
-
-    def tamper(bundle: Bundle) -> None:
-        inside: Any = bundle.evidence
-        for name in place[:-1]:
-            inside = inside[name]
-        value = to(inside[place[-1]]) if callable(to) else to
-        assert value != inside[place[-1]]
-        inside[place[-1]] = value
-
-    return tamper
-
-
-def fit(*place: str | int) -> Tamper:
-    """A digit of the fit."""
-    return in_evidence("calibration", *place, to=lambda x: (x or 0.0) * 1.01 + 1e-3)
-
-
-def reading(number: int, **values: Any) -> Tamper:
-    return lambda bundle: bundle.reading(number, **values)
-
-
-def of_bytes(name: str, change: Callable[[bytes], bytes]) -> Tamper:
-    return lambda bundle: bundle.bytes_of.update({name: change})
-
-
-def at_last(step: Callable[[Path], object]) -> Tamper:
-    return lambda bundle: bundle.last.append(step)  # pyright: ignore
-
-
-def without_run(bundle: Bundle) -> None:
-    (gone,) = [run["id"] for run in bundle.evidence["campaign"]["runs"][1:2]]
-    bundle.readings = bundle.readings.filter(pl.col("run_id") != gone)
-    bundle.points = bundle.points.filter(pl.col("run_id") != gone)
-
-
-def without_run_anywhere(bundle: Bundle) -> None:
-    without_run(bundle)
-    log = bundle.evidence["campaign"]["runs"].pop(1)["log"]
-    bundle.evidence["logs"] = [each for each in bundle.evidence["logs"] if each["log"] != log]
-
-
-def swapped_logs(bundle: Bundle) -> None:
-    first, second = bundle.evidence["logs"][:2]
-    first["files"], second["files"] = second["files"], first["files"]
-
-
-def without_reading(bundle: Bundle) -> None:
-    bundle.readings = bundle.readings[1:]
-
-
-def one_reading_more(bundle: Bundle) -> None:
-    last = bundle.readings[-1:].with_columns(pl.col("reading") + 1)
-    bundle.readings = pl.concat([bundle.readings, last])
-
-
-def another_mass(bundle: Bundle) -> None:
-    number = bundle.readings["mass_kg"][2] + 0.1
-    bundle.reading(2, mass_kg=number)
-
-
-def moved_point(bundle: Bundle) -> None:
-    bundle.points = bundle.points.with_columns(pl.col("error_kg") / 10.0)
-
-
-def edited_report(data: bytes) -> bytes:
-    changed = data.replace(b"Not for trade.", b"For trade.", 1)
-    assert changed != data
-    return changed
-
-
-def link(folder: Path) -> None:
-    (folder / REPORT).rename(folder.parent / f"{folder.name}.html")
-    (folder / REPORT).symlink_to(folder.parent / f"{folder.name}.html")
-
-
-def dropped_sum(folder: Path) -> None:
-    lines = (folder / SUMS).read_text().splitlines(keepends=True)
-    (folder / SUMS).write_text("".join(lines[1:]))
-
-
-#: name: the change; what is found where key and earlier evidence are given; what is found with
-#: neither, once the attacker has taken the signature off (None: nothing can be).
-TAMPERINGS: dict[str, tuple[Tamper, BundleOutcome, BundleOutcome | None]] = {
-    "alpha": (fit("alpha_1"), TAMPERED, IRREPRODUCIBLE),
-    "beta": (fit("beta_kg"), TAMPERED, IRREPRODUCIBLE),
-    "slope": (fit("c1_1"), TAMPERED, IRREPRODUCIBLE),
-    "a digit of the covariance": (fit("covariance", 1), TAMPERED, IRREPRODUCIBLE),
-    "chi squared": (fit("chi2_1"), TAMPERED, IRREPRODUCIBLE),
-    "the uncertainty": (fit("u_kg"), TAMPERED, IRREPRODUCIBLE),
-    "the coverage factor": (fit("coverage_k_1"), TAMPERED, IRREPRODUCIBLE),
-    "the valid range": (fit("range_kg", 1), TAMPERED, IRREPRODUCIBLE),
-    "a row of the budget": (fit("budget", 0, "u_kg"), TAMPERED, IRREPRODUCIBLE),
-    "an error of a point": (fit("points", 2, "error_kg"), TAMPERED, IRREPRODUCIBLE),
-    "a sentence": (in_evidence("calibration", "says", to=[]), TAMPERED, IRREPRODUCIBLE),
-    "the confidence": (in_evidence("options", "confidence_1", to=0.5), TAMPERED, IRREPRODUCIBLE),
-    "the verdict's risk": (in_evidence("limits", "risk_1", to=0.5), TAMPERED, IRREPRODUCIBLE),
-    "the asked class": (
-        in_evidence("campaign", "decision", "accuracy_class", to="OIML R 134 0.2"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the verdict": (in_evidence("limits", "verdict", to="outside"), TAMPERED, IRREPRODUCIBLE),
-    "the last day": (
-        in_evidence("expires", to="2035-01-01"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the intended use": (
-        in_evidence("campaign", "campaign", "intended_use", to="trade"),
-        TAMPERED,
-        None,
-    ),
-    "the author": (in_evidence("campaign", "campaign", "author", to="N. N."), TAMPERED, None),
-    "the notice": (in_evidence("notice", to="Legal for trade."), TAMPERED, TAMPERED),
-    "an unknown key": (lambda b: b.evidence.update(more=1), TAMPERED, TAMPERED),
-    "a number as text": (in_evidence("chain", "counter", to="2"), TAMPERED, TAMPERED),
-    "the machine's id": (
-        in_evidence("campaign", "machine", "id", to="sledge-8"),
-        TAMPERED,
-        None,
-    ),
-    "a part": (
-        in_evidence("campaign", "machine", "parts", "runners", to="R-2"),
-        TAMPERED,
-        None,
-    ),
-    "the machine's mass": (
-        in_evidence("machine", "machine", "empty_mass_kg", to=101.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a setting": (
-        in_evidence("machine", "settings", "gate", "window_samples", to=300),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a channel's scale": (
-        in_evidence("machine", "channels", "force_x_N", "scale", to=1.1),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a reference mass": (
-        in_evidence("campaign", "masses", 0, "value_kg", to=21.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a mass' uncertainty": (
-        in_evidence("campaign", "masses", 0, "u_kg", to=0.011),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "what masses share": (
-        in_evidence("campaign", "masses", 1, "shared_u_kg", to=0.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a certificate": (
-        in_evidence("campaign", "masses", 0, "certificate", to="K-9"),
-        TAMPERED,
-        None,
-    ),
-    "an expired certificate": (
-        in_evidence("campaign", "masses", 0, "expires", to="2026-01-01"),
-        TAMPERED,
-        INCOMPLETE,
-    ),
-    "the references": (
-        in_evidence("references", 1, "reference_kg", to=121.0),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the day of a run": (
-        in_evidence("campaign", "runs", 0, "day", to="2026-05-03"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a load on board": (
-        in_evidence("campaign", "runs", 1, "loads", to=["block-2"]),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a run excluded afterwards": (
-        in_evidence("campaign", "runs", 2, "excluded", to="wheel slip"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the operator": (
-        in_evidence("campaign", "runs", 0, "operator", to="N. N."),
-        TAMPERED,
-        None,
-    ),
-    "a dropped run": (without_run, TAMPERED, INCOMPLETE),
-    "a run dropped everywhere": (without_run_anywhere, TAMPERED, IRREPRODUCIBLE),
-    "swapped logs": (swapped_logs, TAMPERED, None),
-    "a log's digest": (
-        in_evidence("logs", 0, "files", 0, "sha256", to="0" * 64),
-        TAMPERED,
-        None,
-    ),
-    "a log that could not weigh": (
-        in_evidence("logs", 0, "can_weigh", to=False),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the mass of a reading": (another_mass, TAMPERED, IRREPRODUCIBLE),
-    "a dropped reading": (without_reading, TAMPERED, IRREPRODUCIBLE),
-    "a reading more": (one_reading_more, TAMPERED, IRREPRODUCIBLE),
-    "a reading rejected without a reason": (reading(0, used=False), TAMPERED, INCOMPLETE),
-    "a reading rejected with one": (
-        reading(0, used=False, reason="outlier"),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "a reading of another log": (reading(0, log="load-9.csv"), TAMPERED, IRREPRODUCIBLE),
-    "the points": (moved_point, TAMPERED, IRREPRODUCIBLE),
-    "the line before": (
-        in_evidence("as_found", "alpha_1", to=lambda x: x * 1.01),
-        TAMPERED,
-        IRREPRODUCIBLE,
-    ),
-    "the counter": (in_evidence("chain", "counter", to=7), TAMPERED, TAMPERED),
-    "the link": (
-        in_evidence("chain", "previous", "sums_sha256", to="0" * 64),
-        TAMPERED,
-        None,
-    ),
-    "no link": (
-        lambda b: b.evidence.update(chain={"counter": 1, "previous": None}),
-        TAMPERED,
-        None,
-    ),
-    "a tolerance that forgives": (
-        in_evidence("replay_tolerance_kg", to=1e9),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "the software": (in_evidence("software", "python", to="4.0.0"), TAMPERED, None),
-    "an edited report": (of_bytes(REPORT, edited_report), TAMPERED, TAMPERED),
-    "a removed report": (at_last(lambda f: (f / REPORT).unlink()), INCOMPLETE, INCOMPLETE),
-    "removed points": (at_last(lambda f: (f / POINTS).unlink()), INCOMPLETE, INCOMPLETE),
-    "removed digests": (at_last(lambda f: (f / SUMS).unlink()), INCOMPLETE, INCOMPLETE),
-    "one digest removed": (at_last(dropped_sum), TAMPERED, TAMPERED),
-    "a renamed file": (
-        at_last(lambda f: (f / REPORT).rename(f / "report.htm")),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "an added file": (at_last(lambda f: (f / "note.txt").write_text("n")), TAMPERED, TAMPERED),
-    "an added folder": (at_last(lambda f: (f / "more").mkdir()), TAMPERED, TAMPERED),
-    "an added recording": (
-        lambda b: ((b.folder / "runs").mkdir(), (b.folder / "runs/x.rrd").write_bytes(b"RRF2")),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "a link": (at_last(link), TAMPERED, TAMPERED),
-    "a line end": (of_bytes(EVIDENCE, lambda data: data + b"\n"), TAMPERED, TAMPERED),
-    "spaces": (
-        of_bytes(EVIDENCE, lambda data: data.replace(b'{"', b'{ "', 1)),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "a compressed table": (
-        of_bytes(READINGS, lambda data: compressed(data)),
-        TAMPERED,
-        TAMPERED,
-    ),
-    "another recording": (
-        of_bytes(RECORDING, lambda data: data + b"\0"),
-        TAMPERED,
-        None,
-    ),
-}
-
-
-def compressed(data: bytes) -> bytes:
-    import io
-
-    out = io.BytesIO()
-    pl.read_parquet(io.BytesIO(data)).write_parquet(out, compression="zstd")
-    return out.getvalue()
-
-
-def items(found: Verified) -> str:
-    return "\n".join(map(str, found.findings))
-
-
-@pytest.mark.parametrize("name", TAMPERINGS)
-def test_a_tampering_is_found_where_the_key_and_the_evidence_before_are_given(
-    made: Made, tmp_path: Path, name: str
-) -> None:
-    tamper, outcome, _ = TAMPERINGS[name]
-    found = made.verify(tampered(made.bundle, tmp_path / "b", tamper, signed=True))
-    # what is missing altogether is said first to be missing, where nothing else is wrong
-    assert found.outcome in (outcome, TAMPERED), items(found)
-    assert found.outcome is TAMPERED or all(f.outcome is outcome for f in found.findings)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", TAMPERINGS)
-def test_a_tampering_of_unsigned_evidence_is_found_where_it_contradicts_itself(
-    made: Made, tmp_path: Path, name: str
-) -> None:
-    tamper, _, outcome = TAMPERINGS[name]
-    found = verify(tampered(made.bundle, tmp_path / "b", tamper, signed=False))
-    assert found.outcome is outcome, items(found)
-    assert any("UNSIGNED" in note for note in found.notes) or outcome is not None
-
-
-def test_there_are_enough_tamperings() -> None:
-    assert len(TAMPERINGS) >= 40
+INCOMPLETE = BundleOutcome.INCOMPLETE
+#: The user and group that own nothing.
+NOBODY = 65534
 
 
 def test_a_key_in_the_signers_place_is_found_by_the_key_given(made: Made, tmp_path: Path) -> None:
@@ -399,47 +62,26 @@ def test_an_older_head_of_the_chain_is_found(made: Made) -> None:
     assert "is other evidence than that given" in items(skipped)
 
 
+def test_a_check_has_line_machine_and_priors_of_what_it_is_a_check_of(made: Made) -> None:
+    before = CheckedBundle()
+    before.document = last = document_of((made.first / EVIDENCE).read_bytes(), EVIDENCE)
+    before.sums = (made.first / SUMS).read_bytes()
+    own = document_of((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
+    assert own.learnt != last.learnt
+    names = ("calibration", "expires", "machine", "learnt", "options")
+    kept = {"kind": "check", **{name: getattr(last, name) for name in names}}
+    for more, item in (({}, None), ({"learnt": own.learnt}, f"{EVIDENCE}: learnt")):
+        checked = CheckedBundle()
+        check_chain(checked, own.model_copy(update=kept | more), before)
+        assert [each.item for each in checked.findings] == ([] if item is None else [item])
+
+
 def test_the_statement_of_other_evidence_is_found(made: Made, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
     shutil.copy(made.third / STATEMENT, folder / STATEMENT)
     found = made.verify(folder)
     assert found.outcome is TAMPERED
     assert "is about other evidence" in items(found)
-
-
-def test_every_file_counts_and_a_flipped_byte_of_each_is_found(made: Made, tmp_path: Path) -> None:
-    names, _ = listing(made.bundle)
-    assert {EVIDENCE, READINGS, POINTS, RECORDING, REPORT, SUMS, STATEMENT} <= set(names)
-    for name in names:
-        folder = Path(shutil.copytree(made.bundle, tmp_path / name))
-        data = bytearray((folder / name).read_bytes())
-        data[len(data) // 3] ^= 1
-        (folder / name).write_bytes(data)
-        assert made.verify(folder).outcome is TAMPERED, name
-
-
-@pytest.mark.slow
-def test_each_flipped_byte_of_the_small_files_is_found(made: Made, tmp_path: Path) -> None:
-    from recordings.evidence import checks
-    from recordings.evidence.checked import CheckedBundle
-
-    folder = Path(shutil.copytree(made.bundle, tmp_path / "b"))
-    for name in (EVIDENCE, READINGS, POINTS, REPORT, SUMS):
-        whole = (folder / name).read_bytes()
-        for place in range(len(whole)):
-            data = bytearray(whole)
-            data[place] ^= 1 << place % 8
-            (folder / name).write_bytes(data)
-            found = CheckedBundle()
-            checks._files(folder, found)
-            assert found.findings, (name, place)
-        (folder / name).write_bytes(whole)
-    whole = (folder / STATEMENT).read_bytes()
-    for place in range(0, len(whole), 3):
-        data = bytearray(whole)
-        data[place] ^= 1 << place % 8
-        (folder / STATEMENT).write_bytes(data)
-        assert made.verify(folder).outcome is TAMPERED, place
 
 
 def test_an_untouched_bundle_verifies(made: Made) -> None:
@@ -471,8 +113,6 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_p
     calibrate(forged, tmp_path / "b", key_file=private)
 
     def honest_digest(bundle: Bundle) -> None:
-        import hashlib
-
         for log in bundle.evidence["logs"]:
             data = (made.campaign.parent / log["log"]).read_bytes()
             log["files"][0]["sha256"] = hashlib.sha256(data).hexdigest()
@@ -485,24 +125,78 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_p
     assert public.exists()
 
 
+def verified_elsewhere(
+    made: Made, folder: Path, variables: dict[str, str], **user: Any
+) -> subprocess.CompletedProcess[str]:
+    """`payscope verify` of copies in a folder, from there, as a program of its own."""
+    for source in (made.bundle, made.first, made.public):
+        copy = shutil.copy if source.is_file() else shutil.copytree
+        copy(source, folder / source.name)
+    home = folder / "home"
+    home.mkdir()
+    return subprocess.run(
+        [
+            *(sys.executable, "-P", "-c", "from replay.commands.cli import main; main()"),
+            *("verify", made.bundle.name, "--key", made.public.name),
+            *("--previous", made.first.name),
+        ],
+        env={"PATH": os.environ["PATH"], "PYTHONPATH": str(REPO), "HOME": str(home), **variables},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        **user,
+    )
+
+
 @pytest.mark.parametrize(
     "variables", [{"TZ": "Pacific/Apia", "LC_ALL": "tr_TR.UTF-8"}, {"LC_ALL": "C", "TZ": "UTC"}]
 )
 def test_it_verifies_in_another_folder_time_zone_and_locale(
     made: Made, tmp_path: Path, variables: dict[str, str]
 ) -> None:
-    folder = Path(shutil.copytree(made.bundle, tmp_path / "another place, ö"))
-    left = subprocess.run(
-        [
-            *(sys.executable, "-c", "from replay.commands.cli import main; main()"),
-            *("verify", folder, "--key", made.public, "--previous", made.first),
-        ],
-        env={**os.environ, **variables, "HOME": str(tmp_path), "USER": "another"},
-        cwd=tmp_path,
-        capture_output=True,
-        check=False,
+    folder = tmp_path / "another place, ö"
+    folder.mkdir()
+    left = verified_elsewhere(made, folder, variables)
+    assert left.returncode == 0, left.stdout + left.stderr
+
+
+@pytest.fixture
+def of_nobody() -> Iterator[Path]:
+    """A folder that another user may read, and not write to."""
+    if not hasattr(os, "geteuid") or os.geteuid() != 0:
+        pytest.skip("another user: only root may become one")
+    asked = [sys.executable, "-c", f"import os; os.listdir({str(REPO)!r}); import polars"]
+    if subprocess.run(asked, user=NOBODY, group=NOBODY, check=False).returncode:
+        pytest.skip("another user: it may not read this interpreter or these sources")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        yield folder
+
+
+def test_it_verifies_as_another_user_who_may_only_read_it(made: Made, of_nobody: Path) -> None:
+    left = verified_elsewhere(
+        made,
+        of_nobody,
+        {"TZ": "America/St_Johns", "LC_ALL": "de_DE.UTF-8"},
+        user=NOBODY,
+        group=NOBODY,
+        extra_groups=[],
+        umask=0o077,
     )
     assert left.returncode == 0, left.stdout + left.stderr
+    assert not list((of_nobody / "home").iterdir())
+
+
+def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_path: Path) -> None:
+    """Where everything else follows from them, only the logs tell."""
+    relearnt, _, _ = TAMPERINGS["priors made narrow throughout"]
+    folder = tampered(made.bundle, tmp_path / "b", relearnt, signed=False)
+    assert verify(folder).outcome is None
+    found = verify(folder, logs=made.campaign.parent)
+    assert found.outcome is IRREPRODUCIBLE
+    assert "learnt: load-0.csv, const: its replay says something else" in items(found)
 
 
 def test_the_digests_are_those_of_sha256sum(made: Made) -> None:

@@ -49,6 +49,7 @@ def test_limits_of_r_134_are_shares_of_the_mass():
         (DecisionRule("OIML R 51 Y(c)"), "did you mean 'OIML R 51 Y"),
         (DecisionRule("OIML R 51 Y(a)"), "needs a scale interval"),
         (DecisionRule("OIML R 51 Y(a)", scale_interval_kg=0.0), "needs a scale interval"),
+        (DecisionRule("OIML R 51 Y(b)", scale_interval_kg=0.09), "ends at 1000 e, and a load of"),
     ],
 )
 def test_a_class_that_is_none_is_refused(rule, said):

@@ -1,0 +1,35 @@
+"""What a calibration learnt, in words."""
+
+from typing import get_args
+
+from analysis.calibration.learnt import LearntPriors, TermOfLog, learnt_terms
+from analysis.settings import LearnableTerm
+from recordings.evidence.learnt_terms import TERMS, learnt_rows
+
+
+def test_every_term_that_can_be_learnt_has_a_meaning_and_a_unit() -> None:
+    assert set(TERMS) == set(get_args(LearnableTerm))
+
+
+def test_a_row_has_what_its_prior_has() -> None:
+    said = tuple(
+        TermOfLog(
+            log=f"log-{k}",
+            term="lag",
+            prior_mean=0.0,
+            prior_std=0.02,
+            posterior=0.004,
+            posterior_std=0.001,
+        )
+        for k in range(3)
+    )
+    (row,) = learnt_rows(LearntPriors(terms=learnt_terms(said), logs=said))
+    assert row == {
+        "term": "delay of the force",
+        "unit": "s",
+        "mean": "0.00401",
+        "mean_u": "0.00058",
+        "width": "0.0002",
+        "logs": 3,
+    }
+    assert learnt_rows(None) == []

@@ -1,0 +1,36 @@
+"""Three bundles of one machine, each chained to the one before, and what they were made of."""
+
+from pathlib import Path
+from typing import Any
+
+from replay.calibrate import calibrate
+from replay.verify import Verified, verify
+from tests.replay.attacker import key_files
+from tests.replay.sledge_campaign import campaign_folder
+
+#: Of the bundles beside the one that is looked at: half the replays.
+ALIKE = "\n[method]\nlearn = false\n"
+LIMITS = '\n[decision]\naccuracy_class = "OIML R 134 10"\n'
+
+
+class Made:
+    """The bundles `first`, `bundle` and `third`, the keys and the campaign with its logs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.private, self.public = key_files(folder)
+        self.campaign = campaign_folder(folder / "campaign", extra=LIMITS)
+        alike = self.campaign.with_name("alike.toml")
+        alike.write_text(self.campaign.read_text() + ALIKE)
+        self.first, self.bundle, self.third = (folder / n for n in ("first", "second", "third"))
+        before: Path | None = None
+        for made, of in ((self.first, alike), (self.bundle, self.campaign), (self.third, alike)):
+            calibrate(of, made, key_file=self.private, previous=before)
+            before = made
+
+    def verify(self, bundle: Path, **more: Any) -> Verified:
+        return verify(bundle, key_file=self.public, previous=self.first, **more)
+
+
+def items(found: Verified) -> str:
+    return "\n".join(map(str, found.findings))
