@@ -13,6 +13,8 @@ from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.fit_loss import fit_loss, group_ids
 
+#: Distances whose sums go side by side, each in its own order.
+_AT_ONCE = 16
 #: More lags are never looked at: a manoeuvre may be a whole shift.
 MOST_LAGS = 256
 #: Of putting back what the fits took out; each adds what the one before still missed.
@@ -24,21 +26,52 @@ _FEWEST = 3.0
 @compiled
 def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]:
     """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0)."""
-    sums = np.zeros(lags)
+    sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
     pairs = np.zeros(lags)
     n = residual.size
-    for i in range(n):
-        mine = group[i]
-        if mine >= 0:
-            e = residual[i]
-            for j in range(min(lags, n - i)):
-                # without a sign there is no negative index to look for, and the loop is vectorised
-                other = np.uint64(i + j)
-                # a group may have holes
-                both = group[other] == mine
-                sums[j] += e * residual[other] if both else 0.0
-                pairs[j] += 1.0 if both else 0.0
-    return sums, pairs
+    begin = 0
+    while begin < n:
+        end = begin + 1
+        while end < n and group[end] == group[begin]:
+            end += 1
+        if group[begin] >= 0:
+            _add_run(residual[begin:end], sums)
+            for j in range(min(lags, end - begin)):
+                pairs[j] += end - begin - j
+            # a group may have holes
+            _add_beyond(residual, group, begin, end, lags, sums, pairs)
+        begin = end
+    return sums[:lags], pairs
+
+
+@compiled
+def _add_run(run: Floats, sums: Floats) -> None:
+    """Add the products of samples that adjoin, so many distances side by side."""
+    n = run.size
+    # zeros behind the end, so that all distances have as many terms
+    padded = np.zeros(n + sums.size)
+    padded[:n] = run
+    for first in range(0, sums.size, _AT_ONCE):
+        if first >= n:
+            break
+        own = sums[first : first + _AT_ONCE]
+        for k in range(n - first):
+            e, others = padded[k], padded[k + first : k + first + _AT_ONCE]
+            for d in range(_AT_ONCE):
+                own[d] += e * others[d]
+
+
+@compiled
+def _add_beyond(
+    residual: Floats, group: Ints, begin: int, end: int, lags: int, sums: Floats, pairs: Floats
+) -> None:
+    """Add the pairs of a run with those of its group that lie behind a hole."""
+    mine, reach = group[begin], min(end - 1 + lags, group.size)
+    for other in range(end, reach):
+        if group[other] == mine:
+            for i in range(max(begin, other - lags + 1), end):
+                sums[other - i] += residual[i] * residual[other]
+                pairs[other - i] += 1.0
 
 
 def autocovariance_loss(group: Ints, A: Floats | None) -> Floats:

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from estimators.autocorrelation import autocovariance_loss, pooled_autocorrelation
+from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.group_sums import GroupSums
 from estimators.levels import LevelShape
@@ -84,6 +85,20 @@ def _summed(values: Floats, of: Ints, count: int) -> Floats:
     return out
 
 
+@compiled
+def _residual(A: Floats, f: Floats, group: Ints, theta: Floats) -> Floats:
+    """Response less A θ of each sample's group, (n,), 0 where it has none (group < 0)."""
+    out = np.zeros(f.size)
+    for k in range(f.size):
+        if group[k] >= 0:
+            left = f[k]
+            own = theta[group[k]]
+            for i in range(A.shape[1]):
+                left -= A[k, i] * own[i]
+            out[k] = left
+    return out
+
+
 class Solved(NamedTuple):
     """Estimates, H⁻¹, H⁻¹ G S⁻¹, residuals, their correlation and variance, the noise's share."""
 
@@ -116,8 +131,7 @@ def solve_with_priors(
     Raises:
         LinAlgError: the samples do not determine it.
     """
-    used = group >= 0
-    n = int(used.sum())
+    n = int((group >= 0).sum())
     loss = autocovariance_loss(group, taken)
     index = np.full(f.size, -1, np.int64)
     for i, part in enumerate(sums.rows):
@@ -147,7 +161,7 @@ def solve_with_priors(
         )
         theta = bread @ (weighed @ turned.bare + wide_believed)
         own = shape.by_group(theta)
-        residual = np.where(used, f - np.einsum("ni,ni->n", A, own[index]), 0.0)
+        residual = _residual(A, f, index, own)
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
         white = float(residual @ residual) / (n - theta.size)
         gain = bread @ weighed

@@ -125,7 +125,8 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     plot_run(replayed, picture, force=force)
     on_stage("review")
     hauled = simulate(scenario.model_copy(update={"shift": _SHIFT}), shift, force=force)
-    asked = ReviewOptions(calibration=AskedCalibration(evidence), target_kg=_TARGET_KG)
+    by = AskedCalibration(evidence, keys[1], signed=True)
+    asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
     reviewed = review(hauled, machine_file, page, asked)
     return Demo(
         calibrated,
