@@ -17,6 +17,8 @@ _MINUTE_S: Final = 60.0
 #: Bars of a distribution.
 _BINS: Final = 12
 _MOST_REASONS: Final = 9
+#: A scale of fewer loads would have fractions of them.
+_FEWEST_LOADS: Final = 5
 
 
 def pictures(
@@ -87,7 +89,7 @@ def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
         f"{payload.std():,.0f} kg.{against}",
         _HEIGHT,
     )
-    axes = Axes.around([low, high], [0.0, float(count.max())], _BOX, 0.05)
+    axes = Axes.around([low, high], [0.0, float(max(count.max(), _FEWEST_LOADS))], _BOX, 0.05)
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
     axes.draw(picture, "payload in kg", "loads")
     for number, first, last in zip(count.tolist(), edges[:-1], edges[1:], strict=True):

@@ -1,15 +1,22 @@
 """What a review is given: folders, logs that overlap, evidence; and what it refuses in one line."""
 
+import dataclasses
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
 
-from recordings.review.state import RECORDING
+from recordings.review.page import UsedCalibration
+from recordings.review.state import RECORDING, FailedCheck
 from replay.calibrate import Calibrated, calibrate
 from replay.calibrated import AskedCalibration
+from replay.commands.review import print_review
 from replay.review import Reviewed, ReviewOptions, review
 from replay.shift_inputs import logs_in
 from tests.replay.attacker import key_files
@@ -142,3 +149,21 @@ def test_wrong_input_is_one_line(
     assert says in said.err
     assert "Traceback" not in said.err
     assert not (tmp_path / "r" / RECORDING).exists()
+
+
+@given(st.text(min_size=1, max_size=60))
+def test_no_name_reaches_the_terminal_as_a_command(reviewed: Reviewed, name: str) -> None:
+    check = FailedCheck(
+        check=name, value=1.0, limit=name, consequence="tell", meaning=name, remedy=name
+    )
+    state = reviewed.state.model_copy(update={"losses": (name,), "failed": (check,)})
+    said: list[int] = []
+    for text in ("plain", name):
+        calibration = UsedCalibration(text, text)
+        made = dataclasses.replace(reviewed, state=state, calibration=calibration)
+        screen = Console(file=io.StringIO(), force_terminal=False, width=200, highlight=False)
+        print_review(screen, made)
+        told: str = screen.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
+        assert not [c for c in told if not c.isprintable() and c != "\n"]
+        said.append(told.count("\n"))
+    assert said[0] == said[1]

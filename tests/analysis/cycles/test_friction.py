@@ -30,7 +30,7 @@ def driven(wear: float, noise_N: float = 40.0) -> dict[str, pl.DataFrame]:
                 "t_ns": (t * 1e9).astype(np.int64),
                 "force_x_N": force + random.normal(0.0, noise_N, t.size),
                 "speed_x_m_s": speed,
-                "specific_force_x_m_s2": acceleration,
+                "regressor_acc_x_m_s2": acceleration,
                 "phase": np.where(moving, "cruising", "standstill"),
             }
         ),
