@@ -41,7 +41,6 @@ RANGES: Final[dict[str, dict[str, tuple[float, float]]]] = {
         "hills_length_m": (15.0, 60.0),
         "hills_phase_deg": (0.0, 360.0),
     },
-    "chassis": {"squat_deg_s2_m": (0.0, 0.1)},
     "starts": {
         "throttle_least": (0.5, 0.9),
         "stick_share": (0.0, 0.1),
