@@ -13,7 +13,7 @@ PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
-demo: $(RUN_STAMP) ## simulate the calibration campaign as real logs, replay it, show the answer
+demo: $(RUN_STAMP) ## simulate the calibration campaign and a shift as real logs, show the answers
 	$(BIN)/payscope demo -o demo --force
 
 test: lint types tests ## everything that must hold: lint, strict types, tests
