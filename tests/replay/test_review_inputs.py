@@ -17,8 +17,8 @@ from recordings.review.state import RECORDING, FailedCheck
 from replay.calibrate import Calibrated, calibrate
 from replay.calibrated import AskedCalibration
 from replay.commands.review import print_review
+from replay.readers import logs_in
 from replay.review import Reviewed, ReviewOptions, review
-from replay.shift_inputs import logs_in
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
@@ -69,12 +69,14 @@ def test_a_folder_of_tables_alone_is_a_shift_too(folder: Path) -> None:
     assert logs_in([folder / "shift"]) == [folder / "shift/whole.csv"]
 
 
-def test_logs_that_overlap_by_seconds_give_the_ledger_of_the_whole(
+def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
     machine: Path, reviewed: Reviewed, tmp_path: Path
 ) -> None:
     parts = write_parts(sledge_shift(SHORT), tmp_path / "shift", 4, overlap_s=6.0)
     assert sum(pl.read_csv(part).height for part in parts) > sledge_shift(SHORT).height
-    again = review([tmp_path / "shift"], machine, tmp_path / "review", ReviewOptions())
+    # one is named twice, by its name and by its folder
+    named = [parts[3], parts[1], tmp_path / "shift"]
+    again = review(named, machine, tmp_path / "review", ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
     assert again.ledger["payload_kg"].to_list() == pytest.approx(SHORT, abs=1.0)
 
