@@ -7,13 +7,13 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty reproduction reading writing speed memory fuzz lock clean help
+.PHONY: demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
 
-demo: $(RUN_STAMP) ## simulate the calibration campaign as real logs, replay it, show the answer
+demo: $(RUN_STAMP) ## simulate the calibration campaign and a shift as real logs, show the answers
 	$(BIN)/payscope demo -o demo --force
 
 test: lint types tests ## everything that must hold: lint, strict types, tests
@@ -76,6 +76,12 @@ gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fiftee
 
 honesty: $(TEST_STAMP) ## whether the answer's interval holds on machines unlike the model, into the documentation (an hour)
 	$(BIN)/python -P benchmarks/honesty.py --write
+
+shifts: $(TEST_STAMP) ## twenty drawn shifts as logs, reviewed and compared with the truth, into the documentation (an hour)
+	$(BIN)/python -P benchmarks/shifts.py --write
+
+shift-coverage: $(TEST_STAMP) ## how often intervals of payloads and tonnes hold over 400 shifts, into the documentation (ten minutes)
+	$(BIN)/python -P benchmarks/shift_coverage.py --write
 
 reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force

@@ -383,7 +383,10 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("tare_before_1", "1", "weight of the empty pass before; the rest is after's"),
                 _f("payload_kg", "kg", "what was dumped: loaded less empty"),
                 _f("payload_u_random_kg", "kg", "the part that differs from cycle to cycle"),
-                _f("payload_u_common_kg", "kg", "the part that all cycles share"),
+                _f("payload_u_common_kg", "kg", "the part by what the whole log has in common"),
+                _f(
+                    "payload_u_shared_kg", "kg", "of that, what all payloads have alike: it adds up"
+                ),
                 _f("payload_u_kg", "kg", "standard uncertainty, both"),
                 _f("carry_back_kg", "kg", "empty pass after less the cleanest empty ones"),
                 _f("carry_back_u_kg", "kg", "its standard uncertainty, mostly of the cleanest"),

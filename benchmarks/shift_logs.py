@@ -41,8 +41,12 @@ RANGES: Final[dict[str, dict[str, tuple[float, float]]]] = {
         "hills_length_m": (15.0, 60.0),
         "hills_phase_deg": (0.0, 360.0),
     },
-    "chassis": {"squat_deg_s2_m": (0.0, 0.2)},
-    "starts": {"throttle_least": (0.5, 0.9), "stick_share": (0.0, 0.1), "stick_hz": (0.3, 1.5)},
+    "starts": {
+        "throttle_least": (0.5, 0.9),
+        "stick_share": (0.0, 0.1),
+        "stick_hz": (0.3, 1.5),
+        "coulomb_std_N": (0.0, 50.0),
+    },
     "shift": {
         "load_kg": (400.0, 900.0),
         "load_std_kg": (60.0, 180.0),
@@ -197,7 +201,6 @@ def _sections(dice: np.random.Generator, seed: int, hours: float, break_s: float
             "wheel_radius_excess": normal(RADIUS_U),
         },
         "campaign": {"throttle_force_N": force_N, "valve_lag_s": float(dice.uniform(0.05, 0.15))},
-        "starts": {**drawn["starts"], "coulomb_std_N": 0.2 * coulomb_N},
         "shift": {
             **drawn["shift"],
             **counts,

@@ -64,8 +64,10 @@ _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _SETTINGS = re.compile(r"(<!-- settings -->).*?(<!-- end of settings -->)", re.DOTALL)
 _CAMPAIGN = re.compile(r"(<!-- campaign -->).*?(<!-- end of campaign -->)", re.DOTALL)
 _SCENARIO = re.compile(r"(<!-- scenario -->).*?(<!-- end of scenario -->)", re.DOTALL)
-#: Another processor gives other last bits.
-_DIGEST = re.compile(r"\b(?=[0-9a-f]*[0-9])[0-9a-f]{12}\b")
+#: Another processor gives other last bits; evidence has a name of its own each time.
+_DIGEST = re.compile(
+    r"\b[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}\b|\b(?=[0-9a-f]*[0-9])[0-9a-f]{12}\b"
+)
 _COMPILING = "payscope: compiling "
 _NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
 

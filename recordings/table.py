@@ -382,7 +382,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "
             "empty_after_id empty_after_kg empty_after_u_kg tare_before_1 "
             "carry_back_kg carry_back_u_kg "
-            "payload_u_random_kg payload_u_common_kg counted withheld_for"
+            "payload_u_random_kg payload_u_common_kg payload_u_shared_kg counted withheld_for"
         ),
         "shift": (
             "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "

@@ -36,8 +36,7 @@ from replay.calibrated import AskedCalibration, MachineCalibration, load_calibra
 from replay.inputs import input_files, resolved, versions
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import run
-from replay.readers import Log, open_log
-from replay.shift_inputs import in_time, logs_in
+from replay.readers import Log, logs_in, open_log
 
 _LOCK: Final = ".lock"
 _STAGE: Final = ".payscope-"
@@ -135,7 +134,7 @@ def review(
     with _locked(folder), ExitStack() as stack:
         verdicts = read_verdicts(folder)
         on_stage("open")
-        opened = in_time(
+        opened = _in_time(
             [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]
         )
         if by is not None:
@@ -257,6 +256,16 @@ def _track(aligned: pl.DataFrame) -> pl.DataFrame | None:
         return None
     known = aligned.select(names).drop_nulls()
     return known.gather_every(max(known.height // _TRACK_POINTS, 1))
+
+
+def _in_time(logs: list[Log]) -> list[Log]:
+    """By their first message, so that the order on the command line does not matter."""
+
+    def begins(log: Log) -> tuple[int, str]:
+        first = log.topics()["start_ns"].min()
+        return (first if isinstance(first, int) else 0, str(log.path))
+
+    return sorted(logs, key=begins)
 
 
 def _nuisances(made: ReplayedShift, folder: Path) -> pl.DataFrame:

@@ -174,8 +174,8 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
         for module, name in _imported(path)
         if module.startswith("replay.readers")
     }
-    # `Checked` is what `Log.check` returns
-    assert names == {"Checked", "Log", "TimeAxis", "open_log"}
+    # `Checked` is what `Log.check` returns, `logs_in` which logs a folder holds
+    assert names == {"Checked", "Log", "TimeAxis", "logs_in", "open_log"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=shown)

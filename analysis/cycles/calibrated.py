@@ -45,11 +45,15 @@ def calibrated_cycles(cycles: pl.DataFrame, calibration: Calibration) -> pl.Data
         level, both, own = calibration.covariance
         line_kg = np.sqrt(np.maximum(level + 2.0 * both * off + own * off**2, 0.0)) / abs(slope)
     random_kg = cycles["payload_u_random_kg"].to_numpy() / abs(slope)
-    common_kg = np.hypot(cycles["payload_u_common_kg"].to_numpy() / abs(slope), line_kg)
+    common_kg, shared_kg = (
+        np.hypot(cycles[f"payload_u_{part}_kg"].to_numpy() / abs(slope), line_kg)
+        for part in ("common", "shared")
+    )
     found = {
         "payload_kg": mass,
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
+        "payload_u_shared_kg": shared_kg,
         "payload_u_kg": np.hypot(random_kg, common_kg),
     }
     reasons = pl.Series("reason", [_outside(row, calibration) for row in cycles.to_dicts()])

@@ -5,6 +5,7 @@ that: the one after by itself, the one before as far as what is carried back is 
 are those of the smallest variance; where nothing is carried back, it is their mean.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -31,11 +32,41 @@ _UNSEEN: Final = "dumped while nothing was recorded"
 _FEWEST: Final = 4
 
 
+@dataclass(frozen=True)
+class _Common:
+    """What is common to payloads: it does not average out.
+
+    Attributes:
+        shared_1: of all payloads together, as a share of them: it adds up over a shift.
+        other_1: the part of it that is no nuisance of the fit, such as the scale.
+        factor: (sources, passes) what nuisances and shared noise move each pass' mass by.
+        covariance: (passes, passes) of what noise and scatter do to all of them.
+    """
+
+    shared_1: float
+    other_1: float
+    factor: Floats
+    covariance: Floats
+
+    def of(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
+        """Of one payload: all that is common, and how much of that is alike in all.
+
+        Args:
+            weights: (passes,) of each pass in it.
+            payload_kg: what it is.
+        """
+        moved = self.factor @ weights
+        own = float(moved @ moved + max(weights @ self.covariance @ weights, 0.0))
+        shared_kg = self.shared_1 * abs(payload_kg)
+        return max(float(np.hypot(np.sqrt(own), self.other_1 * payload_kg)), shared_kg), shared_kg
+
+
 def cycles(
     weighing: Weighing | None,
     frames: dict[str, pl.DataFrame],
     machine: Machine,
     verdict: Verdict,
+    known: Passes | None = None,
 ) -> pl.DataFrame:
     """Make `cycles`.
 
@@ -44,9 +75,10 @@ def cycles(
         frames: `aligned`, `excitation`, `digging`, `loads` and `manoeuvres` of a run.
         machine: for the scale.
         verdict: what it forbids is withheld.
+        known: the passes, where they are not to be looked for.
     """
     digs = frames["digging"]
-    found = passes(frames["loads"], frames["manoeuvres"], digs)
+    found = known or passes(frames["loads"], frames["manoeuvres"], digs)
     if found is None:
         return _frame([])
     parts = cycle_parts(found, digs)
@@ -55,7 +87,7 @@ def cycles(
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     share = _tare_share(found)
-    common_1 = _common_share(weighing, machine, found, parts, share)
+    common = _common(weighing, machine, found, parts, share)
     cleanest = _cleanest(found)
     rows: list[dict[str, object]] = []
     ready_ns = int(frames["excitation"]["t_ns"][0])
@@ -64,7 +96,8 @@ def cycles(
         row: dict[str, object] = {"cycle": number, **_times(part, ready_ns)}
         reason = withheld or _reason(part)
         if not reason:
-            row |= _masses(part, found, share, common_1, cleanest)
+            row |= _masses(part, found, share, cleanest)
+            row |= _uncertainty(row, common, pass_weights(part, share, found.mass_kg.size))
             row["manoeuvres"] = int(counts[part.loaded])
         row["quality"], row["counted"] = _quality(row, part)
         row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
@@ -129,7 +162,7 @@ def _quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
 
 
 def _masses(
-    part: CycleParts, found: Passes, share: Floats, common_1: float, cleanest: tuple[float, float]
+    part: CycleParts, found: Passes, share: Floats, cleanest: tuple[float, float]
 ) -> dict[str, object]:
     row: dict[str, object] = {}
     for name, number in (
@@ -144,18 +177,28 @@ def _masses(
     weights = pass_weights(part, share, found.mass_kg.size)
     payload_kg = float(weights @ found.mass_kg)
     random_kg = float(np.sqrt(weights**2 @ found.u_kg**2 + _carried_kg2(part, found, share)))
-    common_kg = common_1 * abs(payload_kg)
     row |= {
         "tare_before_1": 0.0 if part.before is None else -float(weights[part.before]),
         "payload_kg": payload_kg,
         "payload_u_random_kg": random_kg,
-        "payload_u_common_kg": common_kg,
-        "payload_u_kg": float(np.hypot(random_kg, common_kg)),
     }
     if part.after is not None:
         row["carry_back_kg"] = float(found.mass_kg[part.after]) - cleanest[0]
         row["carry_back_u_kg"] = float(np.hypot(found.u_kg[part.after], cleanest[1]))
     return row
+
+
+def _uncertainty(row: dict[str, object], common: _Common, weights: Floats) -> dict[str, object]:
+    """What a payload has in common with others, how much of it with all of them, and the whole."""
+    payload_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
+    assert isinstance(payload_kg, float)
+    assert isinstance(random_kg, float)
+    common_kg, shared_kg = common.of(weights, payload_kg)
+    return {
+        "payload_u_common_kg": common_kg,
+        "payload_u_shared_kg": shared_kg,
+        "payload_u_kg": float(np.hypot(random_kg, common_kg)),
+    }
 
 
 def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
@@ -229,28 +272,39 @@ def _cleanest(found: Passes) -> tuple[float, float]:
     return least, float(np.sqrt(noise / mass.size + true * (1.0 - kept)))
 
 
-def _common_share(
+def _common(
     weighing: Weighing | None,
     machine: Machine,
     found: Passes,
     parts: list[CycleParts],
-    share: Floats,
-) -> float:
-    """What is common to all payloads, as a share of them: it does not average out.
+    tare: Floats,
+) -> _Common:
+    """Find it with the fit's own correlations.
 
-    With the fit's own correlations: of all payloads together, what its budget has besides what the
-    passes' own noise and scatter add up to.
+    Of all payloads together it is what the fit's budget has besides what the passes' own noise and
+    scatter add up to. One payload also has what nuisances do to its own starts and not to others'.
     """
+    count = found.mass_kg.size
+    nothing = _Common(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)))
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     if weighing is None or weighing.fit.states is None or not whole:
-        return 0.0
-    count = found.mass_kg.size
-    weights = np.sum([pass_weights(part, share, count) for part in whole], axis=0)
-    states = weighing.fit.states
-    of_states = np.zeros(weighing.fit.count)
-    np.add.at(of_states, states.of, weights[found.of] * found.share)
-    sources = budget(weighing, machine, of_states)
-    own = float(weights**2 @ found.u_kg**2)
-    shared = max(combined(sources, "random") ** 2 - own, 0.0)
-    total_kg = abs(float(weights @ found.mass_kg))
-    return float(np.sqrt(combined(sources, "common", "scale") ** 2 + shared)) / max(total_kg, 1e-9)
+        return nothing
+    fit, states = weighing.fit, weighing.fit.states
+    # (states, passes), so that masses of passes are those of states weighted
+    of_states = np.zeros((fit.count, count))
+    np.add.at(of_states, (states.of, found.of), found.share)
+    weights = np.sum([pass_weights(part, tare, count) for part in whole], axis=0)
+    sources = budget(weighing, machine, of_states @ weights)
+    total_kg = max(abs(float(weights @ found.mass_kg)), 1e-9)
+    kept = combined(sources, "random") ** 2 - float(weights**2 @ found.u_kg**2)
+    common = combined(sources, "common", "scale")
+    names = {term.name for term in fit.terms}
+    other = [s for s in sources if s.kind != "random" and s.name not in names]
+    masses = slice(0, fit.count)
+    covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states
+    return _Common(
+        float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
+        combined(other) / total_kg,
+        fit.term_responses @ of_states,
+        covariance - np.diag(found.u_kg**2),
+    )

@@ -72,7 +72,7 @@ def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, float | 
     counted = cycles.filter(pl.col("counted") & ~out)
     payload, back = counted["payload_kg"], counted["carry_back_kg"]
     random_kg = _random_kg(counted)
-    common_kg = float(counted["payload_u_common_kg"].sum())
+    common_kg = float(counted["payload_u_shared_kg"].sum())
     return {
         "cycles": cycles.height,
         "cycles_counted": counted.height,

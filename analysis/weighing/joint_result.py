@@ -162,6 +162,20 @@ class JointFit:
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
 
+    @cached_property
+    def term_responses(self) -> Floats:
+        """(terms, masses) what one deviation of each nuisance moves the masses by, in kg.
+
+        What the wheels tell of slip narrows its prior.
+        """
+        found = self.fit.responses[self.count + 1 :, : self.count].copy()
+        slip = place_of("slip", self.terms)
+        alone_kg = abs(float(found[slip] @ self.weights(self.main)))
+        if alone_kg > 0.0:
+            known_kg = self.parts_kg(self.weights(self.main))["slip"]
+            found[slip] *= min(known_kg / alone_kg, 1.0)
+        return found
+
     def _of_wheels(self, weights: Floats, slip_kg: float) -> dict[str, float]:
         """What slip, gain and delay, found together, do to a sum of masses, in kg.
 

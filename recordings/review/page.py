@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import polars as pl
 
 from analysis.cycles.target import TargetCheck
-from estimators.errors import counted
+from estimators.errors import counted, one_line
 from recordings.evidence.figures import WIDTH
 from recordings.review.plots import pictures
 from recordings.review.state import RECORDING, ReviewState
@@ -76,7 +76,11 @@ def review_html(page: ReviewPage) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(
-        undefined=StrictUndefined, autoescape=True, trim_blocks=True, lstrip_blocks=True
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_shown,
     )
     environment.filters["number"] = number
     environment.filters["percent"] = _percent
@@ -93,7 +97,7 @@ def review_html(page: ReviewPage) -> str:
         duration=f"{shift['duration_s'] / 3600.0:.2f} h",
         banner=_banner(page),
         headline=headline(shift),
-        facts=facts(shift, page.target),
+        facts=[*facts(shift, page.target), *breakdown(page.ledger)],
         warnings=_warnings(page),
         heads=_HEADS,
         numeric=_NUMERIC,
@@ -155,6 +159,19 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
     return found
 
 
+def breakdown(ledger: pl.DataFrame) -> list[tuple[str, str]]:
+    """What a cycle's time goes into, on average; nothing where no cycle was seen whole."""
+    parts = ("return_s", "load_s", "haul_s", "dump_s")
+    whole = ledger.drop_nulls(parts)
+    if not whole.height:
+        return []
+    mean = whole.select(pl.col(parts).mean()).row(0)
+    words = ", ".join(
+        f"{name.removesuffix('_s')} {each:.0f} s" for name, each in zip(parts, mean, strict=True)
+    )
+    return [("a cycle", f"{sum(mean):.0f} s on average: {words}")]
+
+
 def target_sentence(target: TargetCheck) -> str:
     """The verdict on the target in words."""
     near = (
@@ -207,6 +224,11 @@ def _warnings(page: ReviewPage) -> list[str]:
             "tell a mass."
         )
     return found
+
+
+def _shown(value: object) -> object:
+    """A text without what a browser obeys or hides: control characters, turned writing."""
+    return one_line(value) if type(value) is str else value
 
 
 def _percent(share: float | None) -> str:

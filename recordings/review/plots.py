@@ -17,6 +17,8 @@ _MINUTE_S: Final = 60.0
 #: Bars of a distribution.
 _BINS: Final = 12
 _MOST_REASONS: Final = 9
+#: A scale of fewer loads would have fractions of them.
+_FEWEST_LOADS: Final = 5
 
 
 def pictures(
@@ -34,6 +36,8 @@ def pictures(
     counted = ledger.filter("counted")
     if counted.height:
         found += [_timeline(ledger, state), _distribution(counted, target)]
+    if len(state.friction_parts) > 1:
+        found.append(_friction(state))
     if state.gate_shares:
         found.append(_reasons(state))
     if track is not None and track.height > 1:
@@ -85,7 +89,7 @@ def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
         f"{payload.std():,.0f} kg.{against}",
         _HEIGHT,
     )
-    axes = Axes.around([low, high], [0.0, float(count.max())], _BOX, 0.05)
+    axes = Axes.around([low, high], [0.0, float(max(count.max(), _FEWEST_LOADS))], _BOX, 0.05)
     axes = Axes(axes.x, (0.0, axes.y[1]), _BOX)
     axes.draw(picture, "payload in kg", "loads")
     for number, first, last in zip(count.tolist(), edges[:-1], edges[1:], strict=True):
@@ -95,6 +99,39 @@ def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
     for mark in marks:
         x, _ = axes.place(mark, 0.0)
         picture.line(x, _BOX[1], x, _BOX[3], "ideal")
+    return picture
+
+
+def _friction(state: ReviewState) -> Drawing:
+    parts = state.friction_parts
+    value = [part.friction_N_s_m for part in parts]
+    std = [part.std_N_s_m for part in parts]
+    minutes = [(part.start_s + part.end_s) / 2.0 / _MINUTE_S for part in parts]
+    low = min(v - 2.0 * s for v, s in zip(value, std, strict=True))
+    high = max(v + 2.0 * s for v, s in zip(value, std, strict=True))
+    first, last = parts[0], parts[-1]
+    picture = Drawing(
+        "friction",
+        "Friction over the shift",
+        f"Viscous friction in N·s/m in {len(parts)} parts of the shift, from "
+        f"{first.friction_N_s_m:,.0f} ± {2.0 * first.std_N_s_m:,.0f} in the first to "
+        f"{last.friction_N_s_m:,.0f} ± {2.0 * last.std_N_s_m:,.0f} in the last, with loads as "
+        "weighed; bars reach two standard deviations either way, by how starts of a part differ.",
+        _HEIGHT,
+    )
+    # what changes by less than a tenth is to look like it
+    room = max(0.05 * abs(float(np.mean(value))), 1e-9)
+    axes = Axes.around([0.0, last.end_s / _MINUTE_S], [low - room, high + room], _BOX, 0.03)
+    axes.draw(picture, "minutes since the start", "friction in N·s/m")
+    for at, friction, u, part in zip(minutes, value, std, parts, strict=True):
+        x, bottom = axes.place(at, friction - 2.0 * u)
+        _, top = axes.place(at, friction + 2.0 * u)
+        picture.line(x, bottom, x, top, "axis")
+        tip = (
+            f"{part.start_s / _MINUTE_S:.0f} to {part.end_s / _MINUTE_S:.0f} min: {friction:,.0f} "
+            f"± {2.0 * u:,.0f} N·s/m by {part.manoeuvres} starts"
+        )
+        picture.dot(*axes.place(at, friction), "point", tip)
     return picture
 
 

@@ -8,6 +8,7 @@ import polars as pl
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from analysis.check import Verdict
+from analysis.cycles.friction import FrictionPart, friction_parts
 from analysis.cycles.lost import holes
 from analysis.run import InputFile, Run
 from recordings.texts import local_time, machine_name
@@ -15,7 +16,7 @@ from recordings.texts import local_time, machine_name
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
-FORMAT: Final = 1
+FORMAT: Final = 2
 _NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
@@ -55,6 +56,7 @@ class ReviewState(BaseModel):
         resolved: machine, settings and options by name, as plain values.
         gate_shares: share of the recorded time by the gate's reason.
         friction: viscous friction of the fit in N·s/m, and its standard deviation.
+        friction_parts: the same over the shift.
         scale_unknown: what the machine file gives no uncertainty of.
         gaps_s: stretches without a recording, from the first sample.
     """
@@ -77,6 +79,7 @@ class ReviewState(BaseModel):
     gaps_s: tuple[tuple[float, float], ...]
     sampling: tuple[TopicSampling, ...]
     friction: tuple[float | None, float | None]
+    friction_parts: tuple[FrictionPart, ...] = ()
     digs: int
     scale_unknown: str
 
@@ -127,6 +130,9 @@ def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]
             if name.startswith("raw/")
         ),
         friction=(load["friction_x_N_s_m"], load["friction_x_std_N_s_m"]),
+        friction_parts=friction_parts(
+            frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
+        ),
         digs=frames["digging"].height,
         scale_unknown=load["scale_unknown"] or "",
     )

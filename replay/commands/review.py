@@ -64,11 +64,11 @@ def command(
 
 def print_review(screen: "Console", made: "Reviewed") -> None:
     """Print a review's sums, what is wrong with it, and where its page is."""
-    from recordings.review.page import NOT_CALIBRATED, PAGE, facts, headline
+    from recordings.review.page import NOT_CALIBRATED, PAGE, breakdown, facts, headline
     from replay.commands.printing import print_line
 
     print_line(screen, headline(made.shift))
-    for name, value in facts(made.shift, made.target):
+    for name, value in (*facts(made.shift, made.target), *breakdown(made.ledger)):
         print_line(screen, f"{name}: {value}")
     if made.calibration.against:
         print_line(screen, f"{NOT_CALIBRATED}: {made.calibration.against}")

@@ -66,14 +66,6 @@ def test_the_folder_holds_the_ledger_twice_the_recording_and_the_page(reviewed: 
     assert kept["payload_kg"].to_list() == reviewed.ledger["payload_kg"].to_list()
 
 
-def test_the_order_of_logs_does_not_matter_and_a_log_named_twice_counts_once(
-    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, tmp_path: Path
-) -> None:
-    logs, machine, _ = driven
-    again = review([*reversed(logs), logs[0]], machine, tmp_path / "r", ReviewOptions())
-    assert again.ledger.equals(reviewed.ledger)
-
-
 def test_a_second_review_does_not_replay_unless_something_that_counts_has_changed(
     driven: tuple[list[Path], Path, Any], folder: Path
 ) -> None:

@@ -1,17 +1,24 @@
 """What a review is given: folders, logs that overlap, evidence; and what it refuses in one line."""
 
+import dataclasses
+import io
 import json
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
 
-from recordings.review.state import RECORDING
+from recordings.review.page import UsedCalibration
+from recordings.review.state import RECORDING, FailedCheck
 from replay.calibrate import Calibrated, calibrate
 from replay.calibrated import AskedCalibration
+from replay.commands.review import print_review
+from replay.readers import logs_in
 from replay.review import Reviewed, ReviewOptions, review
-from replay.shift_inputs import logs_in
 from tests.replay.attacker import key_files
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
@@ -62,12 +69,14 @@ def test_a_folder_of_tables_alone_is_a_shift_too(folder: Path) -> None:
     assert logs_in([folder / "shift"]) == [folder / "shift/whole.csv"]
 
 
-def test_logs_that_overlap_by_seconds_give_the_ledger_of_the_whole(
+def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
     machine: Path, reviewed: Reviewed, tmp_path: Path
 ) -> None:
     parts = write_parts(sledge_shift(SHORT), tmp_path / "shift", 4, overlap_s=6.0)
     assert sum(pl.read_csv(part).height for part in parts) > sledge_shift(SHORT).height
-    again = review([tmp_path / "shift"], machine, tmp_path / "review", ReviewOptions())
+    # one is named twice, by its name and by its folder
+    named = [parts[3], parts[1], tmp_path / "shift"]
+    again = review(named, machine, tmp_path / "review", ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
     assert again.ledger["payload_kg"].to_list() == pytest.approx(SHORT, abs=1.0)
 
@@ -142,3 +151,21 @@ def test_wrong_input_is_one_line(
     assert says in said.err
     assert "Traceback" not in said.err
     assert not (tmp_path / "r" / RECORDING).exists()
+
+
+@given(st.text(min_size=1, max_size=60))
+def test_no_name_reaches_the_terminal_as_a_command(reviewed: Reviewed, name: str) -> None:
+    check = FailedCheck(
+        check=name, value=1.0, limit=name, consequence="tell", meaning=name, remedy=name
+    )
+    state = reviewed.state.model_copy(update={"losses": (name,), "failed": (check,)})
+    said: list[int] = []
+    for text in ("plain", name):
+        calibration = UsedCalibration(text, text)
+        made = dataclasses.replace(reviewed, state=state, calibration=calibration)
+        screen = Console(file=io.StringIO(), force_terminal=False, width=200, highlight=False)
+        print_review(screen, made)
+        told: str = screen.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
+        assert not [c for c in told if not c.isprintable() and c != "\n"]
+        said.append(told.count("\n"))
+    assert said[0] == said[1]

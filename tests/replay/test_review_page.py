@@ -96,6 +96,7 @@ def test_figures_and_tables_have_names(opened: Any) -> None:
     assert figures == [
         "Payloads in time",
         "Distribution of payloads",
+        "Friction over the shift",
         "Share of time by the gate's reason",
         "Track",
     ]

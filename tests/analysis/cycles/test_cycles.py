@@ -123,7 +123,7 @@ def test_common_parts_do_not_average_out_and_random_ones_do() -> None:
     one, many = (found(drawn_shift([700.0] * n, noise_kg=5.0)) for n in (2, 32))
     sums = []
     for table in (one, many):
-        common = table.with_columns(payload_u_common_kg=pl.lit(7.0))
+        common = table.with_columns(payload_u_shared_kg=pl.lit(7.0))
         columns = FRAMES["shift"].columns
         blank = pl.DataFrame({c.name: pl.Series([None], dtype=c.dtype) for c in columns})
         sums.append(recounted(blank, common).row(0, named=True))

@@ -1,6 +1,10 @@
 """The page by itself: its size, and that whatever a log brings is escaped."""
 
+from html.parser import HTMLParser
+
 import polars as pl
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 from analysis.run import InputFile
 from recordings.review.ledger import ledger
@@ -53,3 +57,42 @@ def test_whatever_a_log_brings_is_escaped() -> None:
     assert shown.count("<img") == 0
     assert shown.count("<script>") == 1
     assert shown.count("&lt;img src=x") >= 8
+
+
+class Elements(HTMLParser):
+    """The elements of a page with the names of their attributes, and its texts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.found: list[tuple[str, tuple[str, ...]]] = []
+        self.texts: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, tuple(name for name, _ in attrs)))
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+
+#: What a stranger may put into a name: markup, quotes, terminal sequences, writing that turns.
+STRANGE = st.text(
+    st.one_of(
+        st.sampled_from("<>&\"'`{}%/=-!\\ \t\r\n\0\x07\x1b\x7f\x9b\u2028\u202e\u200b"),
+        st.characters(exclude_categories=["Cs"]),
+    ),
+    min_size=1,
+    max_size=40,
+)
+PLAIN = Elements(page(2, "plain"))
+
+
+@settings(max_examples=20)
+@given(STRANGE)
+@example("{{ 7 * 7 }}")
+@example("</style><style>*{display:none}")
+@example("\x1b]0;title\x07\u202egnp.exe")
+def test_no_name_adds_an_element_or_an_attribute_or_hides_anything(name: str) -> None:
+    shown = Elements(page(2, name))
+    assert shown.found == PLAIN.found
+    assert not [c for text in shown.texts for c in text if not c.isprintable() and c != "\n"]

@@ -1,11 +1,11 @@
-"""The logs of a shift: as named, or all that a folder holds."""
+"""Several logs: as named, or all that a folder holds."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from estimators.errors import LogError
-from replay.readers import OPENERS, Log
+from replay.readers.formats import OPENERS
 
 #: Tables are logs only where they are named, or where a folder has no others: ledgers and notes lie
 #: in folders of bags.
@@ -25,16 +25,6 @@ def logs_in(named: Sequence[Path]) -> list[Path]:
     """
     found = [log for path in named for log in (_of_folder(path) if _is_folder(path) else [path])]
     return list({path.resolve(): path for path in found}.values())
-
-
-def in_time(logs: Sequence[Log]) -> list[Log]:
-    """By their first message, so that the order on the command line does not matter."""
-
-    def begins(log: Log) -> tuple[int, str]:
-        first = log.topics()["start_ns"].min()
-        return (first if isinstance(first, int) else 0, str(log.path))
-
-    return sorted(logs, key=begins)
 
 
 def _is_folder(path: Path) -> bool:
