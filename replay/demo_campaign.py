@@ -16,6 +16,7 @@ _HEAD = """\
 title = "Demo: simulated Cat 262C"
 intended_use = "showing what a calibration is"
 author = "payscope demo"
+signer = "payscope demo"
 
 [machine]
 file = "{machine}"
