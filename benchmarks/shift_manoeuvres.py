@@ -6,7 +6,7 @@ friction and a friction that goes with the speed. Each manoeuvre has its own noi
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 import polars as pl
@@ -207,6 +207,10 @@ def _true_passes(truth: DrawnShift, states: States, hat: Floats) -> Passes:
     )
 
 
+class _Estimated(NamedTuple):
+    fit: PriorFit
+
+
 def _weighing(truth: DrawnShift, states: States) -> tuple[Weighing, Floats]:
     """The joint fit at manoeuvre level; and (3, manoeuvres), what nuisances are found of."""
     units, count = truth.units, states.count
@@ -239,7 +243,8 @@ def _weighing(truth: DrawnShift, states: States) -> tuple[Weighing, Floats]:
     # friction has a place in the fit that nothing here is about
     fit = _with_friction(fit, count)
     joint = JointFit(
-        _TERMS, width[count:], fit, states, None, 10, cast(Any, None), np.zeros(count),
+        _TERMS, width[count:], fit.theta, _Estimated(fit), states,
+        None, 10, cast(Any, None), np.zeros(count),
         EarlierRounds(), True, PriorMeans(np.zeros(r), np.zeros(r)),
     )  # fmt: skip
     masses = theta[:count]

@@ -115,8 +115,13 @@ class PriorSolution:
     _grouping: Grouping
     _solved: Solved
 
-    def uncertain(self) -> PriorFit:
+    @property
+    def fit(self) -> PriorFit:
         """The estimates with everything that is known of their uncertainty."""
+        return self._fit
+
+    @cached_property
+    def _fit(self) -> PriorFit:
         A, group, sums, shape, grouping = (
             self._A,
             self._group,
@@ -186,7 +191,8 @@ class NoSolution:
     theta: Floats
     _samples: int
 
-    def uncertain(self) -> PriorFit:
+    @property
+    def fit(self) -> PriorFit:
         """NaN throughout."""
         p, no = self.theta.size, float("nan")
         square = np.full((p, p), np.nan)
@@ -257,7 +263,7 @@ def fit(
     Returns:
         The fit; NaN throughout where the samples do not determine it.
     """
-    return solve(A, f, group, noise, prior_mean, prior_std, grouping).uncertain()
+    return solve(A, f, group, noise, prior_mean, prior_std, grouping).fit
 
 
 def _at_least(meats: Floats, gram: Floats) -> Floats:

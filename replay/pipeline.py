@@ -62,10 +62,12 @@ def run(
     on_stage("align")  # one grid, on the line between two samples, never over a gap
     aligned, t0_unix_ns = align(channels, machine)
     notes += grid_notes(channels, machine)
+    del placed, channels  # of a shift they are half a gigabyte
     on_stage("smooth")  # the trailing moving mean, alike on every column
     smoothed = smooth(aligned, settings.smooth)
     on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion
     excitation = forces(smoothed, machine)
+    del smoothed
     on_stage("noise")  # of every column, from standstill and fast changes
     noise = channel_noise(aligned, excitation, machine)
     on_stage("gate")  # the index (11) over each window, and a reason for each

@@ -79,12 +79,12 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
 def _left(fit: JointFit, rows: Averages, unit: Ints) -> Floats:
     """What the fit leaves of the rows, (n,) in N; anything where they are of no manoeuvre."""
     assert fit.states is not None
-    theta = fit.fit.theta[fit.count :].copy()
+    theta = fit.theta[fit.count :].copy()
     if fit.shifted:
         # the force has been moved back by it
         theta[1 + [term.name for term in fit.terms].index("lag")] = 0.0
     place = np.searchsorted(fit.states.unit, np.maximum(unit, fit.states.unit[0]))
-    masses = fit.fit.theta[: fit.count][fit.states.of[place]]
+    masses = fit.theta[: fit.count][fit.states.of[place]]
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ theta
 
 
@@ -103,6 +103,6 @@ def _slope(A: Floats, residual: Floats) -> tuple[float, float]:
 def _variance(fit: JointFit, noise: NoiseOfColumns) -> float:
     """Of a row of the fit by the instruments' noise, added up over rows that overlap, in N²."""
     samples = fit.mean_samples
-    gradient = np.array([fit.mass_kg, fit.friction[0], -1.0])
+    gradient = np.array([fit.mass_kg, fit.viscous, -1.0])
     overlap = samples / stride_of(samples)
     return overlap * float(gradient @ noise.covariance(samples) @ gradient)

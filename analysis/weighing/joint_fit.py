@@ -154,7 +154,7 @@ def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
 
     def moved(changed: EarlierRounds, by: float) -> Floats:
         other = again(replace(found, found=changed), noise, priors)
-        return (other.fit.theta[:count] - found.fit.theta[:count]) / by
+        return (other.theta[:count] - found.theta[:count]) / by
 
     later = replace(known, speed_late_s=known.speed_late_s + _LATER_S)
     larger = replace(known, motion_gain=_LARGER)
@@ -165,12 +165,12 @@ def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
 def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> JointFit:
     """Look for load states, and fit with a mass each, until nothing changes."""
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
-    if not np.isfinite(found.fit.theta).all():
+    if not np.isfinite(found.theta).all():
         return replace(found, states=untold_states(number))
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
         task = _Task(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
-        units = task.units(found.mean_samples, found.found, found.friction[0])
+        units = task.units(found.mean_samples, found.found, found.viscous)
         states = found_states(replace(units, kind=hints), number, repeatability_kg)
         before = found.states
         if states.count == 1 and found.count == 1:
@@ -222,7 +222,7 @@ class _Task:
         )
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        friction = begin.friction[0] if begin else None
+        friction = begin.viscous if begin else None
         for number in range(rounds):
             mean, std = self._priors(friction)
             known_s = known.lag_s
@@ -247,11 +247,11 @@ class _Task:
         theta = solution.theta.copy()
         if shift:
             theta[first + lag] = known.lag_s
-        fit = replace(solution.uncertain(), theta=theta)
         return JointFit(
             self.terms,
             std,
-            fit,
+            theta,
+            solution,
             self.states,
             self.wheels,
             samples,

@@ -1,7 +1,8 @@
 """What the joint fit found: masses, nuisances, and what their uncertainty is made of."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -11,6 +12,15 @@ from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.states import States
 from estimators.prior_fit import PriorFit
+
+
+class Estimated(Protocol):
+    """Estimates whose uncertainty is found when it is asked for."""
+
+    @property
+    def fit(self) -> PriorFit:
+        """The estimates, and the parts of their uncertainty."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -51,7 +61,8 @@ class JointFit:
     Attributes:
         terms: the nuisances, in the order of the parameters behind masses and friction.
         prior_std: (terms,) widths of the priors that were used.
-        fit: estimates and parts; the masses first, then friction. The lag is the whole lag.
+        theta: the estimates: masses first, then friction, then terms. The lag is the whole lag.
+        solution: of the last round, from which their uncertainty is found.
         states: which load each manoeuvre carries; None before they were looked for.
         kinematics: what the wheels say of the accelerometer, where there is one.
         mean_samples: length of the mean.
@@ -67,7 +78,8 @@ class JointFit:
 
     terms: tuple[Nuisance, ...]
     prior_std: Floats
-    fit: PriorFit
+    theta: Floats
+    solution: Estimated
     states: States | None
     kinematics: Kinematics | None
     mean_samples: int
@@ -79,22 +91,32 @@ class JointFit:
     averaging_share: float = 0.0
     by_motion: MotionResponses | None = None
 
+    @cached_property
+    def fit(self) -> PriorFit:
+        """The estimates, and the parts of their uncertainty."""
+        return replace(self.solution.fit, theta=self.theta)
+
     @property
     def count(self) -> int:
         """How many masses there are."""
-        return self.fit.theta.size - 1 - len(self.terms)
+        return self.theta.size - 1 - len(self.terms)
+
+    @property
+    def viscous(self) -> float:
+        """Viscous friction in N·s/m."""
+        return float(self.theta[self.count])
 
     @property
     def friction(self) -> tuple[float, float]:
         """Viscous friction and its deviation, in N·s/m."""
-        return float(self.fit.theta[self.count]), float(self.fit.std[self.count])
+        return self.viscous, float(self.fit.std[self.count])
 
     @cached_property
     def posterior(self) -> tuple[Floats, Floats]:
         """What the log says of the terms, (terms,), and the deviations."""
         own = self.fit.std[self.count + 1 :]
         by_means = self._of_means[:, self.count + 1 :]
-        return self.fit.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
+        return self.theta[self.count + 1 :], np.sqrt(own**2 + (by_means**2).sum(axis=0))
 
     @cached_property
     def _of_means(self) -> Floats:
@@ -131,7 +153,7 @@ class JointFit:
         Args:
             weights: (masses,) of each mass in the sum.
         """
-        wide = np.concatenate([weights, np.zeros(self.fit.theta.size - self.count)])
+        wide = np.concatenate([weights, np.zeros(self.theta.size - self.count)])
         fit = self.fit
 
         def root(covariance: Floats) -> float:
@@ -181,7 +203,7 @@ class JointFit:
 
         They go together: the part of each is what is left of it once those before are known.
         """
-        wheels, friction = self.kinematics, max(self.friction[0], 0.0)
+        wheels, friction = self.kinematics, max(self.viscous, 0.0)
         if wheels is None or not wheels.goes_together:
             return {}
         moves = self._moves(weights)
@@ -201,7 +223,7 @@ class JointFit:
 
     def _moves(self, weights: Floats) -> Floats:
         """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
-        friction = max(self.friction[0], 0.0)
+        friction = max(self.viscous, 0.0)
         slip = self.count + 1 + place_of("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
@@ -227,8 +249,8 @@ class JointFit:
             late = wheels.delay_s[0] - self.found.speed_late_s
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
-        masses = self.fit.theta[: self.count]
-        return (masses - max(self.friction[0], 0.0) * late) / (1.0 + gain)
+        masses = self.theta[: self.count]
+        return (masses - max(self.viscous, 0.0) * late) / (1.0 + gain)
 
     @property
     def mass_kg(self) -> float:

@@ -210,7 +210,7 @@ def _apart_kg(one: JointFit, other: JointFit) -> float:
 def curvature(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Curvature:
     """Fit once more with a term in a·|a|."""
     curved = again(fit, noise, priors, (CURVATURE,)).fit
-    moved = float(curved.theta[fit.main] - fit.fit.theta[fit.main])
+    moved = float(curved.theta[fit.main] - fit.theta[fit.main])
     return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 
 
