@@ -365,7 +365,9 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("start_t_ns", pl.Int64, "ns", "the dump before, or where it is first seen"),
                 Column("end_t_ns", pl.Int64, "ns", "its dump, or where it is last seen"),
                 Column("dig_t_ns", pl.Int64, "ns", "first sample that digs (null: not seen)"),
-                Column("dump_t_ns", pl.Int64, "ns", "middle of the stand to dump (null: not seen)"),
+                Column(
+                    "dump_t_ns", pl.Int64, "ns", "when it dumps, by boom or stand (null: not seen)"
+                ),
                 _f("return_s", "s", "from the dump before to digging"),
                 _f("load_s", "s", "from digging to the first start with the load"),
                 _f("haul_s", "s", "from there to the stand to dump"),

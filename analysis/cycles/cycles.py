@@ -120,9 +120,9 @@ def _times(part: CycleParts, ready_ns: int) -> dict[str, object]:
     seen = [span for span in (dig, haul, dump) if span]
     return {
         "start_t_ns": min(ready_ns, seen[0][0]),
-        "end_t_ns": seen[-1][1] if dump is None else (dump[0] + dump[1]) // 2,
+        "end_t_ns": seen[-1][1] if dump is None else part.dumped_ns,
         "dig_t_ns": dig and dig[0],
-        "dump_t_ns": dump and (dump[0] + dump[1]) // 2,
+        "dump_t_ns": part.dumped_ns,
         "return_s": None if dig is None else max(dig[0] - ready_ns, 0) / _NS,
         "load_s": (haul[0] - dig[0]) / _NS if dig and haul else None,
         "haul_s": (dump[0] - haul[0]) / _NS if haul and dump and not part.unseen else None,

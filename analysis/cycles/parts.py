@@ -29,6 +29,7 @@ class CycleParts:
         loaded: number of its loaded pass.
         haul_ns: first and last sample that moves with the load.
         dump_ns: when the machine stands to dump, and when it moves again.
+        dumped_ns: when it dumps: where the boom is farthest out, or the middle of that stand.
         before: number of the empty pass before its load.
         after: of the one after it.
         unseen: whether it is dumped while nothing is recorded.
@@ -38,6 +39,7 @@ class CycleParts:
     loaded: int | None = None
     haul_ns: tuple[int, int] | None = None
     dump_ns: tuple[int, int] | None = None
+    dumped_ns: int | None = None
     before: int | None = None
     after: int | None = None
     unseen: bool = False
@@ -133,6 +135,9 @@ def dump_times(
         hole = None if stand is not None and stand[2] else _hole(t_ns[part])
         cycle.unseen = hole is not None
         cycle.dump_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
+        cycle.dumped_ns = (cycle.dump_ns[0] + cycle.dump_ns[1]) // 2
+        if stand is not None and stand[2]:
+            cycle.dumped_ns = _farthest_ns(boom[part], t_ns[part], *stand[:2])
 
 
 def _hole(t_ns: Ints) -> tuple[int, int] | None:
@@ -155,6 +160,18 @@ def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, i
     by_boom = bool(moves.max() > _BOOM_MOVES_RAD)
     best = int(np.argmax(moves if by_boom else length))
     return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
+
+
+def _farthest_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
+    """The middle of the time in which the boom is more than half as far out as it gets.
+
+    The stand may last: idling begins where a machine has dumped.
+    """
+    inside = (t_ns >= start_ns) & (t_ns <= end_ns) & np.isfinite(boom)
+    angle, when = boom[inside], t_ns[inside]
+    away = np.abs(angle - angle[0])
+    out = when[away > away.max() / 2.0]
+    return int(out[0] + out[-1]) // 2
 
 
 def _range(x: NDArray[np.float64]) -> float:

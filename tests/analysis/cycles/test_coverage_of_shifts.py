@@ -1,4 +1,4 @@
-"""A few shifts of `make shift-coverage`: intervals hold, as wide as with true boundaries."""
+"""A few shifts of `make shift-coverage`: intervals hold, as wide as with the true boundaries."""
 
 import numpy as np
 
