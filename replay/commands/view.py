@@ -21,7 +21,7 @@ def command(
         typer.Option(help="Write a picture of each tab into this folder, without a screen."),
     ] = None,
     tab: Annotated[
-        str | None, typer.Option(help="Of the pictures, that of this tab alone.")
+        str | None, typer.Option(help="Picture this tab alone, with --screenshot.")
     ] = None,
 ) -> None:
     """Open a recording in the Rerun viewer (listens on 127.0.0.1 only), or photograph it."""
