@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
+.PHONY: shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -101,6 +101,9 @@ fuzz: $(TEST_STAMP) ## 600 damaged logs of each of 21 containers: no crash, no h
 
 writing: $(TEST_STAMP) ## simulated logs written by columns and message by message, into the documentation (ten minutes)
 	$(BIN)/python -P benchmarks/simulate.py --write
+
+shift-speed: $(BENCH_STAMP) ## a review against the script that a user would write, and where its time goes (ten minutes)
+	$(BIN)/python -P benchmarks/review.py --write
 
 reading: $(BENCH_STAMP) ## logs to columns against other readers and the limit (ten minutes)
 	$(BIN)/python -P benchmarks/decode.py

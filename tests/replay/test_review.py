@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import random
 import shutil
 import signal
 import subprocess
@@ -175,3 +176,30 @@ def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same
     again = review(logs, machine, folder, ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
     assert not list(folder.glob(".payscope-*"))
+
+
+@pytest.mark.slow
+def test_ten_reviews_that_are_killed_at_any_moment_leave_no_half_file(
+    driven: tuple[list[Path], Path, Any], reviewed: Reviewed, tmp_path: Path
+) -> None:
+    logs, machine, _ = driven
+    folder = tmp_path / "review"
+    words = ["review", *map(str, logs), "-m", str(machine), "-o", str(folder)]
+    command = [sys.executable, "-c", "from payscope import main; main()", *words]
+    begin = time.monotonic()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    whole_s = time.monotonic() - begin
+    moments = random.Random(15)
+    for _ in range(10):
+        for each in OUTPUTS & {path.name for path in folder.iterdir()}:
+            (folder / each).unlink()
+        with subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        ) as left:
+            time.sleep(moments.uniform(0.2, 1.1) * whole_s)
+            left.kill()
+        shown = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
+        assert shown <= OUTPUTS
+        again = review(logs, machine, folder, ReviewOptions())
+        assert again.ledger.equals(reviewed.ledger)
+        assert not list(folder.glob(".payscope-*"))

@@ -3,6 +3,8 @@
 import dataclasses
 import io
 import json
+import random
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +81,17 @@ def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
     again = review(named, machine, tmp_path / "review", ReviewOptions())
     assert again.ledger.equals(reviewed.ledger)
     assert again.ledger["payload_kg"].to_list() == pytest.approx(SHORT, abs=1.0)
+
+
+def test_ten_cuts_anywhere_give_the_ledger_of_the_whole(
+    machine: Path, reviewed: Reviewed, tmp_path: Path
+) -> None:
+    whole = sledge_shift(SHORT)
+    cuts = [0, *sorted(random.Random(14).sample(range(1, whole.height), 10)), whole.height]
+    for number, (begin, end) in enumerate(pairwise(cuts)):
+        whole[begin:end].write_csv(tmp_path / f"part_{number:02}.csv")
+    again = review([tmp_path], machine, tmp_path / "review", ReviewOptions())
+    assert again.ledger.equals(reviewed.ledger)
 
 
 def test_payloads_and_tonnes_are_on_the_line_of_the_evidence(
