@@ -89,7 +89,8 @@ def _view(view: View, drawn: tuple[Drawn, ...], run: Run) -> "rrb.View":
         overrides=overrides,
         axis_x=axis,
         axis_y=rrb.ScalarAxis(range=bulk) if bulk is not None else None,
-        plot_legend=rrb.PlotLegend(visible=len(drawn) > 1),
+        # extremes of one line need no legend
+        plot_legend=rrb.PlotLegend(visible=sum(not each.faint for each in drawn) > 1),
     )
 
 
