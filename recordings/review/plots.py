@@ -82,11 +82,13 @@ def _distribution(counted: pl.DataFrame, target: TargetCheck | None) -> Drawing:
     against = (
         "" if target is None else f" Dashed: the target, {target.target_kg:,.0f} kg, 110 and 120 %."
     )
+    # of the sample, as in the frame `shift`; one load has none
+    std = float(payload.std(ddof=1)) if payload.size > 1 else 0.0
     picture = Drawing(
         "distribution",
         "Distribution of payloads",
         f"{payload.size} payloads, mean {payload.mean():,.0f} kg, standard deviation "
-        f"{payload.std():,.0f} kg.{against}",
+        f"{std:,.0f} kg.{against}",
         _HEIGHT,
     )
     axes = Axes.around([low, high], [0.0, float(max(count.max(), _FEWEST_LOADS))], _BOX, 0.05)
