@@ -130,7 +130,8 @@ def run(
             machine,
             t0_unix_ns,
             stamps,
-            losses=[*losses, *doubts, *missing],
+            # a recording that is replayed has its own again
+            losses=list(dict.fromkeys([*losses, *doubts, *missing])),
             notes=[*notes, *obstacles(excitation, gated, settings)],
         ),
     ).fingerprinted()

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def command(
     logs: Annotated[
-        list[Path], typer.Argument(help="Logs (.bag, .mcap, rosbag2, .db3, .csv, .parquet).")
+        list[Path], typer.Argument(help="Logs (.bag, .mcap, rosbag2, .db3, .csv, .parquet, .rrd).")
     ],
     machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
     output: Annotated[

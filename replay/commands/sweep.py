@@ -39,7 +39,7 @@ _TITLES: Final = {
 
 def command(
     logs: Annotated[
-        list[Path], typer.Argument(help="Logs (.bag, .mcap, rosbag2, .db3, .csv, .parquet).")
+        list[Path], typer.Argument(help="Logs (.bag, .mcap, rosbag2, .db3, .csv, .parquet, .rrd).")
     ],
     machine: Annotated[Path, typer.Option("-m", "--machine", help="The machine file.")],
     over: Annotated[

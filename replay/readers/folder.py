@@ -10,7 +10,9 @@ from replay.readers.formats import OPENERS
 #: Tables are logs only where they are named, or where a folder has no others: ledgers and notes lie
 #: in folders of bags.
 _TABLES: Final = (".csv", ".parquet")
-_BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in _TABLES)
+#: A recording lies beside the log that it is of.
+_NAMED: Final = ".rrd"
+_BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in (*_TABLES, _NAMED))
 _METADATA: Final = "metadata.yaml"
 
 

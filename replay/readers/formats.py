@@ -38,6 +38,12 @@ def _open_table(path: Path, time: TimeAxis | None) -> Log:
     return TableLog(path, time)
 
 
+def _open_recording(path: Path, time: TimeAxis | None) -> Log:  # noqa: ARG001
+    from replay.readers.recording_log import RecordingLog
+
+    return RecordingLog(path)
+
+
 def _open_directory(path: Path) -> Log:
     from replay.readers.message_log import MessageLog
     from replay.readers.rosbag2 import METADATA, Rosbag2Directory, storage_files
@@ -59,6 +65,7 @@ OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
     ".db3": _open_db3,
     ".csv": _open_table,
     ".parquet": _open_table,
+    ".rrd": _open_recording,
 }
 
 
@@ -66,7 +73,8 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
     """Open a log by its suffix; a directory is a rosbag2 recording.
 
     Args:
-        path: a `.bag`, `.mcap`, `.db3`, `.csv` or `.parquet` file, or a rosbag2 directory.
+        path: a `.bag`, `.mcap`, `.db3`, `.csv` or `.parquet` file, a rosbag2 directory, or a
+            recording (`.rrd`), whose channels are read as its replay read them.
         time: where a table keeps its time; guessed from the column names where None. Logs of
             messages have their own log times and need none.
 

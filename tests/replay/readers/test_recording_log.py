@@ -1,0 +1,64 @@
+"""A recording is a log: replayed, it gives what its own log gives."""
+
+from pathlib import Path
+
+import pytest
+
+from estimators.errors import LogError
+from recordings import read_recording, write_recording
+from replay import load_machine, open_log
+from replay.pipeline import run
+from replay.readers import Log
+from tests.replay.sledge import Payscope
+
+GOLDEN = Path(__file__).resolve().parents[2] / "golden"
+
+
+@pytest.mark.parametrize("name", ["straight.mcap", "planar.mcap", "table.csv"])
+def test_a_replay_of_the_recording_equals_that_of_the_log_bit_for_bit(
+    name: str, tmp_path: Path
+) -> None:
+    machine = load_machine(
+        GOLDEN / "table.machine.toml" if name == "table.csv" else Path("cat262c.toml")
+    )
+    first = run(open_log(GOLDEN / name), machine)
+    path = write_recording(first, tmp_path / "first.rrd")
+    again = run(open_log(path), machine)
+    assert list(again.frames) == list(first.frames)
+    for stage, frame in first.frames.items():
+        assert again.frames[stage].equals(frame), stage
+    assert again.provenance.losses == first.provenance.losses
+    assert again.provenance.notes == first.provenance.notes
+    assert again.provenance.t0_unix_ns == first.provenance.t0_unix_ns
+
+
+@pytest.fixture
+def recorded(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "out.rrd"
+    assert payscope("run", log, "-m", machine_file, "-o", path).status == 0
+    return path
+
+
+def test_commands_take_it_in_the_place_of_a_log(
+    payscope: Payscope, recorded: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    again = tmp_path / "again.rrd"
+    assert payscope("run", recorded, "-m", machine_file, "-o", again).status == 0
+    assert read_recording(again).frames["loads"].equals(read_recording(recorded).frames["loads"])
+    assert "recording" in payscope("info", recorded).out
+
+
+def test_a_field_that_was_not_recorded_and_a_recording_without_channels_are_one_line(
+    recorded: Path, tmp_path: Path
+) -> None:
+    log: Log = open_log(recorded)
+    topic = log.topics()["topic"][0]
+    with pytest.raises(LogError, match=r"was recorded without field 'odd'; .*replay the log"):
+        log.read(topic, ["odd"])
+    with pytest.raises(LogError, match="no topic '/odd'"):
+        log.read("/odd", ["x"])
+    whole = read_recording(recorded)
+    frames = {name: frame for name, frame in whole.frames.items() if not name.startswith("raw/")}
+    bare = write_recording(type(whole)(frames, whole.provenance), tmp_path / "bare.rrd")
+    with pytest.raises(LogError, match="keeps no channels of its log"):
+        open_log(bare)
