@@ -64,9 +64,9 @@ def _add_loss(Q: Floats, loss: Floats) -> None:
     for j in range(lags):
         # it is symmetric in j and l but for S_0, which is twice R_0
         left = lags - j
-        if j > 0:
+        if 0 < j <= n:
             for i in range(p):
-                first, last = columns[i, j - 1], columns[i, n - j] if j <= n else 0.0
+                first, last = columns[i, j - 1], columns[i, n - j]
                 after, before = columns[i, j - 1 :], reversed_columns[i, j - 1 :]
                 for d in range(min(left, n - j + 1)):
                     pushed[d] += first * after[d]

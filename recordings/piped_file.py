@@ -5,7 +5,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Thread
-from typing import Final
+from typing import BinaryIO, Final
 
 _BLOCK: Final = 1 << 20
 _DESCRIPTORS: Final = Path("/dev/fd")
@@ -26,9 +26,11 @@ class PipedFile:
         self._write = -1
         self._thread: Thread | None = None
         if _DESCRIPTORS.is_dir():  # elsewhere the library writes the file itself
+            # opened here: a thread that comes late would make it anew after it was given up
+            file = path.open("wb", buffering=0)
             read, self._write = os.pipe()
             self.name = str(_DESCRIPTORS / str(self._write))
-            self._thread = Thread(target=self._drain, args=(read,), daemon=True)
+            self._thread = Thread(target=self._drain, args=(read, file), daemon=True)
             self._thread.start()
 
     @property
@@ -62,11 +64,11 @@ class PipedFile:
         if self.fault is not None:
             raise self.fault
 
-    def _drain(self, read: int) -> None:
+    def _drain(self, read: int, file: BinaryIO) -> None:
         # a library that has to stop in the middle of its queue may wait for ever: it never has to
         with open(read, "rb", buffering=0) as source:
             try:
-                with self._path.open("wb", buffering=0) as file:
+                with file:
                     while block := source.read(_BLOCK):
                         rest = memoryview(block)
                         while rest:

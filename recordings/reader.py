@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,16 +39,31 @@ def read_recording(path: str | Path) -> Run:
     with opened(path) as held:
         manifest, provenance = held.manifest, held.provenance
         frames = {frame.name: held.read(frame.name) for frame in manifest.frames}
+    heights = {name: frame.height for name, frame in frames.items()}
+    return Run(frames, with_missing_rows(path, manifest, provenance, heights))
+
+
+def with_missing_rows(
+    path: str | Path, manifest: Manifest, provenance: Provenance, heights: Mapping[str, int]
+) -> Provenance:
+    """The provenance with a loss for each frame of which the recording has not every row.
+
+    Args:
+        path: the recording.
+        manifest: its own.
+        provenance: its own.
+        heights: rows that it has, by frame.
+    """
     lost = tuple(
         Loss(
             source=Path(path).name,
             topic=stored.name,
-            what=f"the recording has {frames[stored.name].height} of {stored.rows} rows",
+            what=f"the recording has {heights[stored.name]} of {stored.rows} rows",
         )
         for stored in manifest.frames
-        if frames[stored.name].height != stored.rows
+        if heights[stored.name] != stored.rows
     )
-    return Run(frames, provenance.model_copy(update={"losses": (*provenance.losses, *lost)}))
+    return provenance.model_copy(update={"losses": (*provenance.losses, *lost)})
 
 
 def read_frame(path: str | Path, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
@@ -99,7 +114,7 @@ class OpenRecording:
         """Read a frame, or some of its columns.
 
         Raises:
-            RecordingError: no such frame or column, with the choices.
+            RecordingError: no such frame or column, with the choices; or it is damaged.
         """
         stored = self.manifest.frame(name)
         if stored is None:
@@ -111,7 +126,8 @@ class OpenRecording:
                     f"{self.path}: '{name}' has no '{column}'; {nearest(column, known)}"
                 )
         wanted = stored.columns if columns is None else stored.select(columns)
-        return _read(self.store, stored, wanted)
+        with _in_one_line(self.path):
+            return _read(self.store, stored, wanted)
 
 
 @contextmanager
@@ -132,13 +148,21 @@ def opened(path: str | Path) -> "Generator[OpenRecording]":
     import rerun as rr
     from rerun.error_utils import RerunWarning
 
-    try:
+    with _in_one_line(path):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RerunWarning)  # it warns and raises of the same fault
             store = rr.chunk.RrdReader(path).store()
-        yield OpenRecording(path, *_described(path, store), store)
+        held = OpenRecording(path, *_described(path, store), store)
+    yield held  # a fault of whoever reads is not the recording's
+
+
+@contextmanager
+def _in_one_line(path: Path) -> Generator[None]:
+    try:
+        yield
     except (RuntimeError, ValueError) as error:
-        reason = str(error).splitlines()[0].removeprefix(f"Failed to read RRD file at {path}: ")
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        reason = said.removeprefix(f"Failed to read RRD file at {path}: ")
         raise RecordingError(
             f"{path}: damaged or not finished ({reason}); recover its complete rows with "
             f"`rerun rrd optimize {path} -o recovered.rrd`"

@@ -19,7 +19,7 @@ import numpy as np
 
 from estimators.errors import OutputError, RecordingError, nearest
 from recordings.reader import read_provenance
-from recordings.table import TABS, TIME
+from recordings.table import TIME
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerClient
@@ -99,14 +99,25 @@ def screenshots(
     with headless_viewer(Path(path)) as (client, _):
         if at_s is not None:
             _set_time(client, t0_ns, at_s)
-        found = list(_photographed(client, folder, tab))
-    if not found:
-        raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(str(tab), _tabs())}")
-    return found
+        whole = client.get_blueprint("recording").blueprint
+        tabs = _tabs(whole)
+        names = [_name(whole, entity) for entity in _children(tabs)]
+        if tab is not None and tab.casefold() not in map(str.casefold, names):
+            raise RecordingError(f"{path}: shows no tab '{tab}'; {nearest(tab, names)}")
+        return list(_photographed(client, folder, whole, tabs, tab))
 
 
-def _tabs() -> list[str]:
-    return [each.name for each in TABS]
+def _tabs(whole: dict[str, Any]) -> dict[str, Any]:
+    """The container of the tabs, of a whole blueprint."""
+    return next(
+        layout["ContainerBlueprint"]
+        for layout in whole.values()
+        if layout.get("ContainerBlueprint", {}).get("container_kind") == "Tabs"
+    )
+
+
+def _name(whole: dict[str, Any], entity: str) -> str:
+    return whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
 
 
 def _set_time(client: "ViewerClient", t0_ns: int, at_s: float) -> None:
@@ -114,15 +125,15 @@ def _set_time(client: "ViewerClient", t0_ns: int, at_s: float) -> None:
     client.set_time(TIME, timestamp=at, play_state="paused")
 
 
-def _photographed(client: "ViewerClient", folder: Path, tab: str | None) -> Iterator[Screenshot]:
-    whole = client.get_blueprint("recording").blueprint
-    tabs = next(
-        layout["ContainerBlueprint"]
-        for layout in whole.values()
-        if layout.get("ContainerBlueprint", {}).get("container_kind") == "Tabs"
-    )
+def _photographed(
+    client: "ViewerClient",
+    folder: Path,
+    whole: dict[str, Any],
+    tabs: dict[str, Any],
+    tab: str | None,
+) -> Iterator[Screenshot]:
     for number, entity in enumerate(_children(tabs)):
-        name = whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
+        name = _name(whole, entity)
         if tab is not None and tab.casefold() != name.casefold():
             continue
         tabs["active_tab"] = entity

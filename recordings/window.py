@@ -1,5 +1,6 @@
 """A stretch of a recording: what a long one shows decimated is drawn whole in it."""
 
+import math
 from pathlib import Path
 from typing import Final
 
@@ -7,7 +8,7 @@ import polars as pl
 
 from analysis.run import Run
 from estimators.errors import RecordingError
-from recordings.reader import opened, read_recording
+from recordings.reader import opened, read_recording, with_missing_rows
 
 _NS: Final = 1_000_000_000
 
@@ -23,37 +24,48 @@ def read_window(path: str | Path, from_s: float | None, to_s: float | None) -> R
         to_s: likewise; None to the end.
 
     Raises:
-        RecordingError: as `read_recording`; and nothing of the recording lies there.
+        RecordingError: as `read_recording`; the stretch is none; and nothing of the recording lies
+            there.
     """
     if from_s is None and to_s is None:
         return read_recording(path)
-    with opened(path) as held:
-        t0_ns = held.provenance.t0_unix_ns
-        begin = None if from_s is None else round(from_s * _NS)
-        end = None if to_s is None else round(to_s * _NS)
-        names = [frame.name for frame in held.manifest.frames]
-        frames = {name: _inside(held.read(name), begin, end, t0_ns) for name in names}
-        span = held.read("aligned", ["t_ns"])["t_ns"] if "aligned" in names else pl.Series([0])
-    about = held.provenance
-    if "aligned" in frames and frames["aligned"].is_empty():
-        first, last = (round(float(each) / _NS, 1) for each in (span[0], span[-1]))
+    stretch = _words(from_s, to_s)
+    ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
+    if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
         raise RecordingError(
-            f"{path}: nothing from {_text(from_s, first)} to {_text(to_s, last)} s; it has "
-            f"{first:g} to {last:g} s"
+            f"{path}: {stretch} is no stretch; name seconds since the start, the earlier first"
         )
-    stretch = f"from {_text(from_s, 'the start')} to {_text(to_s, 'the end')} s"
+    begin, end = (None if each is None else round(each * _NS) for each in (from_s, to_s))
+    frames: dict[str, pl.DataFrame] = {}
+    heights: dict[str, int] = {}
+    with opened(path) as held:
+        for stored in held.manifest.frames:
+            whole = held.read(stored.name)
+            heights[stored.name] = whole.height
+            frames[stored.name] = _inside(whole, begin, end, held.provenance.t0_unix_ns)
+            if stored.name == "aligned" and frames["aligned"].is_empty():
+                raise RecordingError(f"{path}: nothing {stretch}; it has {_span(whole)}")
+    about = with_missing_rows(path, held.manifest, held.provenance, heights)
     note = f"a stretch of {Path(path).name}, {stretch}"
     return Run(frames, about.model_copy(update={"notes": (*about.notes, note)}))
 
 
+def _span(aligned: pl.DataFrame) -> str:
+    if aligned.is_empty():
+        return "no samples"
+    first, last = (round(float(aligned["t_ns"][place]) / _NS, 1) for place in (0, -1))
+    return f"{first:g} to {last:g} s"
+
+
 def _inside(frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int) -> pl.DataFrame:
     has = frame.columns
-    if "start_t_ns" in has:
+    # a log may call its own fields anything
+    if "log_time_ns" in has:
+        first, last, shift = "log_time_ns", "log_time_ns", t0_ns
+    elif "start_t_ns" in has:
         first, last, shift = "start_t_ns", "end_t_ns", 0
     elif "t_ns" in has:
         first, last, shift = "t_ns", "t_ns", 0
-    elif "log_time_ns" in has:
-        first, last, shift = "log_time_ns", "log_time_ns", t0_ns
     else:
         return frame
     wanted = [pl.lit(value=True)]
@@ -64,5 +76,6 @@ def _inside(frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int)
     return frame.filter(pl.all_horizontal(wanted))
 
 
-def _text(seconds: float | None, otherwise: object) -> str:
-    return f"{otherwise}" if seconds is None else f"{seconds:g}"
+def _words(from_s: float | None, to_s: float | None) -> str:
+    begin = "the start" if from_s is None else f"{from_s:g} s"
+    return f"from {begin} to {'the end' if to_s is None else f'{to_s:g} s'}"

@@ -1,5 +1,6 @@
 """Campaign files of a calibration: TOML in, a validated campaign out, every fault in one line."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -12,8 +13,8 @@ from estimators.errors import CampaignError, DataError
 from replay.machine_file import load_machine, machine_path
 from replay.toml_file import read_toml, validate
 
-#: What a draft has for whatever no log can say.
-TODO: Final = "TODO"
+#: What a draft has for whatever no log can say; no name such as TODOROV.
+_TODO: Final = re.compile(r"TODO\b")
 
 
 def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
@@ -61,14 +62,14 @@ def load_campaign(path: Path) -> tuple[CalibrationCampaign, Machine]:
 
 
 def left_open(content: Any, place: str = "") -> Iterator[tuple[str, str]]:
-    """Where a draft was not completed: the place of each text that begins with TODO, and it."""
+    """Where a draft was not completed: the place of each text whose first word is TODO, and it."""
     if isinstance(content, dict):
         for name, value in content.items():
             yield from left_open(value, f"{place}.{name}" if place else name)
     elif isinstance(content, list):
         for number, value in enumerate(content, start=1):
             yield from left_open(value, f"{place}[{number}]")
-    elif isinstance(content, str) and content.startswith(TODO):
+    elif isinstance(content, str) and _TODO.match(content):
         yield place, content
 
 

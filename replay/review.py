@@ -321,7 +321,9 @@ def _locked(folder: Path) -> Generator[None]:
     """
     import fcntl
 
+    _refuse_foreign(folder)
     try:
+        new = not folder.exists()
         folder.mkdir(exist_ok=True)
         lock = (folder / _LOCK).open("a")
     except OSError as error:
@@ -334,14 +336,22 @@ def _locked(folder: Path) -> Generator[None]:
                 f"{folder}: another review is being written there; wait for it, or name another "
                 "folder"
             ) from None
-        foreign = [each for each in folder.iterdir() if not each.name.startswith(".")]
-        if foreign and not any((folder / name).is_file() for name in (STATE, PARQUET, RECORDING)):
-            names = {each.name for each in foreign} - {VERDICTS}
-            if names:
-                raise ReviewError(
-                    f"{folder}: holds other files ({sorted(names)[0]}) and no review; name a "
-                    "folder of its own"
-                )
         for left in folder.glob(f"{_STAGE}*"):
             shutil.rmtree(left, ignore_errors=True)
-        yield
+        try:
+            yield
+        finally:
+            if new and [each.name for each in folder.iterdir()] == [_LOCK]:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Refuse a folder that holds other files and no review."""
+    if not folder.is_dir() or any((folder / n).is_file() for n in (STATE, PARQUET, RECORDING)):
+        return
+    foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}
+    if foreign - {VERDICTS}:
+        raise ReviewError(
+            f"{folder}: holds other files ({min(foreign - {VERDICTS})}) and no review; name a "
+            "folder of its own"
+        )

@@ -1,13 +1,18 @@
 """The command `view`: a recording, or a stretch of it, in the viewer or in pictures."""
 
+import shutil
 import tempfile
-from contextlib import ExitStack
 from pathlib import Path
+from typing import Final
 
-from estimators.errors import OutputError
+from estimators.errors import OutputError, RecordingError
 from recordings import write_recording
 from recordings.viewer import open_viewer, screenshots
 from recordings.window import read_window
+from recordings.writer import SUFFIX
+
+#: Later than any recording, and still whole nanoseconds.
+_LATEST_S: Final = 1e9
 
 
 def view(
@@ -37,16 +42,19 @@ def view(
     """
     if tab is not None and screenshot is None:
         raise OutputError(f"--tab {tab}: is of pictures; add --screenshot FOLDER")
-    with ExitStack() as stack:
+    if at_s is not None and not abs(at_s) <= _LATEST_S:
+        raise RecordingError(f"--at {at_s}: is no time; name seconds since the start")
+    if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
+        raise OutputError(f"{screenshot}: is a file; name a folder for the pictures")
+    # the viewer has read a stretch when it is opened, and needs it no more
+    with tempfile.TemporaryDirectory(prefix="payscope-") as folder:
         shown = recording
         if from_s is not None or to_s is not None:
-            # the viewer has read it when it is opened, and needs it no more
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="payscope-")))
-            shown = write_recording(read_window(recording, from_s, to_s), folder / recording.name)
+            stretch = read_window(recording, from_s, to_s)
+            shown = write_recording(stretch, Path(folder) / f"{recording.stem}{SUFFIX}")
         if screenshot is None:
             open_viewer(shown, at_s)
             return []
-        if screenshot.exists() and not screenshot.is_dir():
-            raise OutputError(f"{screenshot}: is a file; name a folder for the pictures")
+        drawn = screenshots(shown, folder, tab, at_s)
         screenshot.mkdir(parents=True, exist_ok=True)
-        return [each.png for each in screenshots(shown, screenshot, tab, at_s)]
+        return [Path(shutil.move(each.png, screenshot / each.png.name)) for each in drawn]

@@ -49,7 +49,7 @@ def _of_folder(folder: Path) -> list[Path]:
 def _bags(path: Path) -> list[Path]:
     """A bag itself, or those of a folder without metadata, as a power loss leaves it."""
     if _is_folder(path):
-        return [each for each in _shown(path) if not each.is_dir() and _bags(each)]
+        return [log for each in _shown(path) if not _is_folder(each) for log in _bags(each)]
     return [path] if path.is_dir() or path.suffix.lower() in _BAGS else []
 
 

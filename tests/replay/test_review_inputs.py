@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from estimators.errors import LogError, ReviewError
 from recordings.review.page import UsedCalibration
 from recordings.review.state import RECORDING, FailedCheck
 from replay.calibrate import Calibrated, calibrate
@@ -57,18 +58,32 @@ def evidence(folder: Path) -> Calibrated:
 def test_a_folder_stands_for_the_bags_in_it_and_those_of_its_folders(tmp_path: Path) -> None:
     (tmp_path / "bag_2").mkdir()
     (tmp_path / "bag_2/metadata.yaml").touch()
+    (tmp_path / "day_2/bag_3").mkdir(parents=True)
+    (tmp_path / "day_2/bag_3/metadata.yaml").touch()
     (tmp_path / "torn").mkdir()
     names = ["a.bag", "b.mcap", "torn/torn_0.db3"]
     others = ["a.bag.truth.json", "notes.csv", ".hidden.bag", "torn/ledger.csv"]
     for name in (*names, *others):
         (tmp_path / name).touch()
     found = [each.relative_to(tmp_path).as_posix() for each in logs_in([tmp_path])]
-    assert found == ["a.bag", "b.mcap", "bag_2", "torn/torn_0.db3"]
+    assert found == ["a.bag", "b.mcap", "bag_2", "day_2/bag_3", "torn/torn_0.db3"]
     assert logs_in([tmp_path / "a.bag", tmp_path]) == logs_in([tmp_path])
 
 
 def test_a_folder_of_tables_alone_is_a_shift_too(folder: Path) -> None:
     assert logs_in([folder / "shift"]) == [folder / "shift/whole.csv"]
+
+
+def test_a_review_that_is_refused_leaves_nothing_behind(machine: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(LogError, match="empty: no bag in this directory"):
+        review([tmp_path / "empty"], machine, tmp_path / "new", ReviewOptions())
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/notes.txt").touch()
+    with pytest.raises(ReviewError, match=r"mine: holds other files \(notes.txt\) and no review"):
+        review([tmp_path / "empty"], machine, tmp_path / "mine", ReviewOptions())
+    left = {each.relative_to(tmp_path).as_posix() for each in tmp_path.rglob("*")}
+    assert left == {"empty", "mine", "mine/notes.txt"}
 
 
 def test_logs_that_overlap_by_seconds_in_any_order_give_the_ledger_of_the_whole(
