@@ -26,8 +26,8 @@ from replay.demo_campaign import demo_campaign
 from replay.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import STAGES, run
 from replay.readers import open_log
-from replay.review import Reviewed, ReviewOptions, review
-from replay.simulate import simulate
+from replay.review import Reviewed, ReviewOptions, check_review_folder, review
+from replay.simulate import log_paths, shift_truth_path, simulate
 from replay.truth import true_trials, truth_path
 from replay.verify import Verified, verify
 
@@ -99,14 +99,19 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     campaign_file, evidence = folder / "calibration.toml", folder / "evidence"
     shift, page = folder / "shift.mcap", folder / "review"
     keys = folder / "key.pem", folder / "key.pub.pem"
-    for output in (machine_file, campaign_file, *keys, recording, picture):
+    scenario = Scenario().seeded(seed)
+    hauling = scenario.model_copy(update={"shift": _SHIFT})
+    hauled, truth = log_paths(hauling, shift), shift_truth_path(shift)
+    for output in (machine_file, campaign_file, *keys, recording, picture, *hauled, truth):
         check_output(output, force=force)
     check_folder(evidence, force=force)
-    check_folder(page, force=force)
+    if page.exists() and force:
+        check_review_folder(page)
+    else:
+        check_folder(page, force=force)
     with whole_file(machine_file, force=force) as partial:
         shutil.copyfile(machine_path(_MACHINE), partial)
     on_stage("simulate")
-    scenario = Scenario().seeded(seed)
     logs = simulate(scenario, folder / "campaign.bag", force=force)
     with whole_file(campaign_file, force=force) as partial:
         partial.write_text(demo_campaign(scenario, logs, machine_file.name), encoding="utf-8")
@@ -124,7 +129,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     write_recording(replayed, recording, force=force)
     plot_run(replayed, picture, force=force)
     on_stage("review")
-    hauled = simulate(scenario.model_copy(update={"shift": _SHIFT}), shift, force=force)
+    simulate(hauling, shift, force=force)
     by = AskedCalibration(evidence, keys[1], signed=True)
     asked = ReviewOptions(calibration=by, target_kg=_TARGET_KG)
     reviewed = review(hauled, machine_file, page, asked)
@@ -137,7 +142,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
         reviewed,
         (
             *(*logs, *map(truth_path, logs), machine_file, campaign_file, *keys),
-            *(evidence, recording, picture, *hauled, page),
+            *(evidence, recording, picture, *hauled, *map(truth_path, hauled), truth, page),
         ),
     )
 

@@ -321,7 +321,7 @@ def _locked(folder: Path) -> Generator[None]:
     """
     import fcntl
 
-    _refuse_foreign(folder)
+    check_review_folder(folder)
     try:
         new = not folder.exists()
         folder.mkdir(exist_ok=True)
@@ -345,8 +345,12 @@ def _locked(folder: Path) -> Generator[None]:
                 shutil.rmtree(folder, ignore_errors=True)
 
 
-def _refuse_foreign(folder: Path) -> None:
-    """Refuse a folder that holds other files and no review."""
+def check_review_folder(folder: Path) -> None:
+    """Refuse a folder for a review before the work that it is for.
+
+    Raises:
+        ReviewError: it holds other files and no review.
+    """
     if not folder.is_dir() or any((folder / n).is_file() for n in (STATE, PARQUET, RECORDING)):
         return
     foreign = {each.name for each in folder.iterdir() if not each.name.startswith(".")}

@@ -18,6 +18,8 @@ _NS: Final = 1e9
 _BOOM_MOVES_RAD: Final = 0.15
 #: So long without a sample it may have dumped there as well.
 _HOLE_S: Final = 5.0
+#: A boom that is out again within so long shakes its bucket.
+_ONE_DUMP_NS: Final = 10 * 10**9
 
 
 @dataclass
@@ -165,13 +167,16 @@ def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, i
 def _farthest_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: int) -> int:
     """The middle of the time in which the boom is more than half as far out as it gets.
 
-    The stand may last: idling begins where a machine has dumped.
+    The stand may last: idling begins where a machine has dumped. A boom that is moved once more
+    after a while does something else.
     """
     inside = (t_ns >= start_ns) & (t_ns <= end_ns) & np.isfinite(boom)
     angle, when = boom[inside], t_ns[inside]
     away = np.abs(angle - angle[0])
     out = when[away > away.max() / 2.0]
-    return int(out[0] + out[-1]) // 2
+    times = np.split(out, np.flatnonzero(np.diff(out) > _ONE_DUMP_NS) + 1)
+    dump = next(each for each in times if each[-1] >= when[np.argmax(away)])
+    return int(dump[0] + dump[-1]) // 2
 
 
 def _range(x: NDArray[np.float64]) -> float:
