@@ -154,13 +154,17 @@ def test_a_folder_of_other_files_takes_no_review(
         review(logs, machine, tmp_path, ReviewOptions())
 
 
+def _command(logs: list[Path], machine: Path, folder: Path) -> list[str]:
+    words = ["review", *map(str, logs), "-m", str(machine), "-o", str(folder)]
+    return [sys.executable, "-c", "from payscope import main; main()", *words]
+
+
 def test_a_review_that_is_killed_leaves_no_half_file_and_the_next_gives_the_same_ledger(
     driven: tuple[list[Path], Path, Any], reviewed: Reviewed, tmp_path: Path
 ) -> None:
     logs, machine, _ = driven
     folder = tmp_path / "review"
-    words = ["review", *map(str, logs), "-m", str(machine), "-o", str(folder)]
-    command = [sys.executable, "-c", "from payscope import main; main()", *words]
+    command = _command(logs, machine, folder)
     for patience_s in (0.05,):
         killed = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         # the moment at which the outputs are written
@@ -184,8 +188,7 @@ def test_ten_reviews_that_are_killed_at_any_moment_leave_no_half_file(
 ) -> None:
     logs, machine, _ = driven
     folder = tmp_path / "review"
-    words = ["review", *map(str, logs), "-m", str(machine), "-o", str(folder)]
-    command = [sys.executable, "-c", "from payscope import main; main()", *words]
+    command = _command(logs, machine, folder)
     begin = time.monotonic()
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     whole_s = time.monotonic() - begin
