@@ -39,7 +39,7 @@ class _Common:
     Attributes:
         shared_1: of all payloads together, as a share of them: it adds up over a shift.
         other_1: the part of it that is no nuisance of the fit, such as the scale.
-        factor: (sources, passes) what nuisances and shared noise move each pass' mass by.
+        factor: (terms, passes) what a deviation of each nuisance moves each pass' mass by, in kg.
         covariance: (passes, passes) of what noise and scatter do to all of them.
     """
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from analysis.regressor import X, regressor
 from analysis.settings import Settings
+from analysis.weighing.states import means_by_state
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _NS: Final = 1e9
 #: A shift has about so many parts,
@@ -114,7 +114,6 @@ def _sums(
 
 def _of_state(manoeuvres: pl.DataFrame) -> Floats:
     """(manoeuvres,) the mass of the load state of each."""
-    state: Ints = manoeuvres["load_id"].to_numpy()
+    state = manoeuvres["load_id"].to_numpy()
     weight = manoeuvres["mass_std_kg"].to_numpy() ** -2.0
-    mass = manoeuvres["mass_kg"].to_numpy()
-    return (np.bincount(state, weight * mass) / np.bincount(state, weight))[state]
+    return means_by_state(manoeuvres["mass_kg"].to_numpy(), weight, state)[state]

@@ -75,7 +75,7 @@ class States:
     def means_kg(self) -> Floats:
         """(states,) the mass of each by its manoeuvres."""
         weight = 1.0 / (self.std_kg**2 + self.scatter_kg**2)
-        return _means(self.level_kg, weight, self.of)
+        return means_by_state(self.level_kg, weight, self.of)
 
     @property
     def scatters(self) -> bool:
@@ -224,8 +224,14 @@ def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:
     return repeatability_kg is not None or not (few and doubted)
 
 
-def _means(level: Floats, weight: Floats, state: Ints) -> Floats:
-    """Weighted means by state, (states,)."""
+def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
+    """Weighted means by state, (states,).
+
+    Args:
+        level: (units,) what each says.
+        weight: (units,) of each.
+        state: (units,) from 0.
+    """
     return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
 
 
@@ -237,7 +243,7 @@ def _scatter(level: Floats, variance: Floats, state: Ints) -> tuple[float, float
 
     def excess(tau: float) -> float:
         weight = 1.0 / (variance + tau**2)
-        mean = _means(level, weight, state)
+        mean = means_by_state(level, weight, state)
         return float(weight @ (level - mean[state]) ** 2) / freedom
 
     ratio = float(np.sqrt(excess(0.0)))
