@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
+.PHONY: unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -32,7 +32,10 @@ tests: $(TEST_STAMP) ## the tests alone, in parallel; a file's tests share its f
 	$(BIN)/python -m pytest $(PARALLEL) -m "not slow"
 
 slow: $(TEST_STAMP) ## the same statements over many trials and examples (ten minutes)
-	$(BIN)/python -m pytest $(PARALLEL) -m slow
+	$(BIN)/python -m pytest $(PARALLEL) -m slow --hypothesis-profile unseen
+
+unseen: $(TEST_STAMP) ## the tests with examples drawn anew, where `tests` repeats its own (ten minutes)
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" --hypothesis-profile unseen
 
 $(BIN)/python:
 	$(PYTHON) .ci/make_environment.py .venv

@@ -11,8 +11,10 @@ from estimators.errors import DataError
 Floats = NDArray[np.float64]
 
 _ITERATIONS: Final = 100
-#: Steps below this share of the parameters' own deviations change nothing that is printed.
+#: Steps below this share of the parameters' own deviations change nothing that is printed,
 _SMALL_STEP: Final = 1e-8
+#: and below so many units in the last place of the ordinates they are rounding.
+_ROUNDING: Final = 16 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,7 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
         raise DataError("straight line: the points need two different abscissae at least")
     # about its centroid a line's two parameters are nearly independent
     x0, y0 = float(x.mean()), float(y.mean())
+    rounding = _ROUNDING * float(np.abs(y).max()) * np.array([1.0, 1.0 / float(np.ptp(x))])
     x, y = x - x0, y - y0
     slope = float(x @ y / (x @ x))
     level = 0.0
@@ -79,7 +82,7 @@ def distance_regression(x: Floats, y: Floats, x_cov: Floats, y_cov: Floats) -> S
         covariance = np.linalg.inv(design.T @ weighted)
         step = covariance @ (weighted.T @ residual)
         level, slope = level + float(step[0]), slope + float(step[1])
-        if (np.abs(step) <= _SMALL_STEP * np.sqrt(np.diag(covariance))).all():
+        if (np.abs(step) <= np.maximum(_SMALL_STEP * np.sqrt(np.diag(covariance)), rounding)).all():
             break
     else:
         raise DataError("straight line: the fit does not settle: are the uncertainties right?")
