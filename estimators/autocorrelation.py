@@ -7,6 +7,8 @@ Deviations are stated so that 1.96 of them are 95 %, however few residuals they 
 of freedom widen them by Student's t.
 """
 
+from typing import Final
+
 import numpy as np
 
 from estimators.compiled import compiled
@@ -15,6 +17,10 @@ from estimators.fit_loss import fit_loss, group_ids
 
 #: Distances whose sums go side by side, each in its own order.
 _AT_ONCE = 16
+#: So many residuals tell their correlation to two percent of a deviation; of more a part is taken,
+_ENOUGH: Final = 131_072
+#: in blocks of so many, evenly over the log.
+_BLOCK: Final = 2048
 #: More lags are never looked at: a manoeuvre may be a whole shift.
 MOST_LAGS = 256
 #: Of putting back what the fits took out; each adds what the one before still missed.
@@ -24,8 +30,11 @@ _FEWEST = 3.0
 
 
 @compiled
-def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]:
-    """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0)."""
+def _lag_sums(residual: Floats, group: Ints, lags: int, every: int) -> tuple[Floats, Floats]:
+    """Σ e_i e_{i+j} and the number of pairs for j < lags, both ends in one group (group >= 0).
+
+    Those i count that lie in one of `every` blocks of samples.
+    """
     sums = np.zeros(-(-lags // _AT_ONCE) * _AT_ONCE)
     pairs = np.zeros(lags)
     n = residual.size
@@ -35,27 +44,31 @@ def _lag_sums(residual: Floats, group: Ints, lags: int) -> tuple[Floats, Floats]
         while end < n and group[end] == group[begin]:
             end += 1
         if group[begin] >= 0:
-            _add_run(residual[begin:end], sums)
-            for j in range(min(lags, end - begin)):
-                pairs[j] += end - begin - j
-            # a group may have holes
-            _add_beyond(residual, group, begin, end, lags, sums, pairs)
+            for block in range(begin // _BLOCK, (end - 1) // _BLOCK + 1):
+                # by the golden ratio they are spread evenly, and in step with nothing
+                if block * 40_503 % 65_536 * every < 65_536:
+                    first, last = max(begin, block * _BLOCK), min(end, (block + 1) * _BLOCK)
+                    _add_run(residual[first:end], last - first, sums)
+                    for j in range(min(lags, end - first)):
+                        pairs[j] += min(last, end - j) - first
+                    # a group may have holes
+                    _add_beyond(residual, group, first, last, end, sums, pairs)
         begin = end
     return sums[:lags], pairs
 
 
 @compiled
-def _add_run(run: Floats, sums: Floats) -> None:
-    """Add the products of samples that adjoin, so many distances side by side."""
-    n = run.size
+def _add_run(run: Floats, count: int, sums: Floats) -> None:
+    """Add the products of the first samples with those that adjoin, many distances side by side."""
+    n = min(run.size, count + sums.size)
     # zeros behind the end, so that all distances have as many terms
     padded = np.zeros(n + sums.size)
-    padded[:n] = run
+    padded[:n] = run[:n]
     for first in range(0, sums.size, _AT_ONCE):
         if first >= n:
             break
         own = sums[first : first + _AT_ONCE]
-        for k in range(n - first):
+        for k in range(min(count, n - first)):
             e, others = padded[k], padded[k + first : k + first + _AT_ONCE]
             for d in range(_AT_ONCE):
                 own[d] += e * others[d]
@@ -63,13 +76,14 @@ def _add_run(run: Floats, sums: Floats) -> None:
 
 @compiled
 def _add_beyond(
-    residual: Floats, group: Ints, begin: int, end: int, lags: int, sums: Floats, pairs: Floats
+    residual: Floats, group: Ints, first: int, last: int, end: int, sums: Floats, pairs: Floats
 ) -> None:
-    """Add the pairs of a run with those of its group that lie behind a hole."""
-    mine, reach = group[begin], min(end - 1 + lags, group.size)
+    """Add the pairs of a run's samples with those of its group that lie behind a hole."""
+    lags = pairs.size
+    mine, reach = group[first], min(last - 1 + lags, group.size)
     for other in range(end, reach):
         if group[other] == mine:
-            for i in range(max(begin, other - lags + 1), end):
+            for i in range(max(first, other - lags + 1), last):
                 sums[other - i] += residual[i] * residual[other]
                 pairs[other - i] += 1.0
 
@@ -115,8 +129,8 @@ def pooled_autocorrelation(
     limit, n = len(loss), int((group >= 0).sum())
     if not limit:
         return np.ones(1), float("nan")
-    sums, pairs = _lag_sums(residual, group, limit)
-    found = sums / np.maximum(pairs, 1.0)
+    sums, pairs = _lag_sums(residual, group, limit, max(n // _ENOUGH, 1))
+    found, n = sums / np.maximum(pairs, 1.0), int(pairs[0])
     if found[0] <= 0.0:
         return np.ones(1), 0.0
     noise = 2.0 * np.sqrt(np.log10(max(n, 10)) / n)

@@ -22,7 +22,7 @@ from scipy.special import betaln, logsumexp
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.estimate import Floats, Ints
-from estimators.group_sums import GroupSums, NoiseMoments
+from estimators.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.optimal_partition import optimal_partition
 from estimators.sandwich import meat
 
@@ -97,10 +97,7 @@ def units_of(
     """
     used = group >= 0
     n = int(used.sum())
-    scale = np.sqrt((A[used] ** 2).mean(axis=0))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    A = np.ascontiguousarray(np.where(used[:, None], A / scale, 0.0))
-    f = np.where(used, f, 0.0)
+    A, f, scale = scaled_columns(A, f, group)
     sums = GroupSums.of(A, f, group, noise, scale)
     of_group = np.zeros(f.size, np.int64)
     for part, number in zip(sums.rows, unit, strict=True):

@@ -168,10 +168,14 @@ def group_rows(group: Ints) -> list[Ints]:
     Args:
         group: (n,) the group of each sample, negative for none.
     """
-    used = np.flatnonzero(group >= 0)
-    order = used[np.argsort(group[used], kind="stable")]
-    ends = np.flatnonzero(np.diff(group[order])) + 1
-    return list(np.split(order, ends)) if used.size else []
+    rows = np.flatnonzero(group >= 0)
+    of = group[rows]
+    # they mostly follow one another, and then need not be sorted
+    if (np.diff(of) < 0).any():
+        order = np.argsort(of, kind="stable")
+        rows, of = rows[order], of[order]
+    ends = np.flatnonzero(np.diff(of)) + 1
+    return list(np.split(rows, ends)) if rows.size else []
 
 
 def fit_loss(A: Floats, group: Ints, lags: int) -> Floats:

@@ -86,6 +86,44 @@ def noise_moments(
     return gram, cross
 
 
+def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, Floats]:
+    """Columns of mean square 1, and 0 like the response where a sample has no group.
+
+    Args:
+        A: (n, p) columns.
+        f: (n,) response.
+        group: (n,) the group of each sample, negative for none.
+
+    Returns:
+        The same columns and response, and (p,) what the columns were divided by: 1 for one that
+        is 0 throughout, which is left to its prior.
+    """
+    scale = np.sqrt(_squares(A, group) / max(int((group >= 0).sum()), 1))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    return *_divided(A, f, group, scale), scale
+
+
+@compiled
+def _squares(A: Floats, group: Ints) -> Floats:
+    total = np.zeros(A.shape[1])
+    for k in range(A.shape[0]):
+        if group[k] >= 0:
+            for i in range(A.shape[1]):
+                total[i] += A[k, i] * A[k, i]
+    return total
+
+
+@compiled
+def _divided(A: Floats, f: Floats, group: Ints, scale: Floats) -> tuple[Floats, Floats]:
+    columns, response = np.empty(A.shape), np.empty(f.size)
+    for k in range(A.shape[0]):
+        used = group[k] >= 0
+        response[k] = f[k] if used else 0.0
+        for i in range(A.shape[1]):
+            columns[k, i] = A[k, i] / scale[i] if used else 0.0
+    return columns, response
+
+
 @dataclass(frozen=True, slots=True)
 class GroupSums:
     """The normal equations by group, in ascending order of their numbers.
@@ -110,8 +148,9 @@ class GroupSums:
     ) -> Self:
         """Sum columns that were divided by a scale."""
         rows = group_rows(group)
-        grams = np.stack([A[part].T @ A[part] for part in rows])
-        crosses = np.stack([A[part].T @ f[part] for part in rows])
+        own = [_span(part) for part in rows]
+        grams = np.stack([A[part].T @ A[part] for part in own])
+        crosses = np.stack([A[part].T @ f[part] for part in own])
         if noise is None:
             return cls(rows, grams, crosses, np.zeros_like(grams), np.zeros_like(crosses))
         return cls(rows, grams, crosses, noise.gram / np.outer(scale, scale), noise.cross / scale)
@@ -126,3 +165,9 @@ class GroupSums:
 
         sums = (self.grams, self.crosses, self.noise_gram, self.noise_cross)
         return type(self)(self.rows, *(added(each) for each in sums))
+
+
+def _span(rows: Ints) -> slice | Ints:
+    """The same rows, without a copy of what is taken where they follow one another."""
+    first, last = int(rows[0]), int(rows[-1]) + 1
+    return slice(first, last) if last - first == rows.size else rows

@@ -16,7 +16,7 @@ import numpy as np
 
 from estimators.autocorrelation import pooled_autocorrelation, student_factor
 from estimators.estimate import Floats, Ints
-from estimators.group_sums import GroupSums, NoiseMoments
+from estimators.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.levels import Levels, LevelShape
 from estimators.prior_solution import Solved, doubted_share, solve_with_priors
 from estimators.sandwich import meat
@@ -214,17 +214,12 @@ def solve(
     """Solve A θ = f for θ; the arguments are those of `fit`."""
     grouping = Grouping() if grouping is None else grouping
     levels = grouping.levels
-    used = group >= 0
-    n, p = int(used.sum()), A.shape[1]
+    n, p = int((group >= 0).sum()), A.shape[1]
     count = 1 if levels is None else levels.count
     nothing = NoSolution(np.full(p + count - 1, np.nan), f.size)
     if n <= p + count:
         return nothing
-    scale = np.sqrt((A[used] ** 2).mean(axis=0))
-    # a column that is 0 throughout is left to its prior
-    scale = np.where(scale > 0.0, scale, 1.0)
-    A = np.ascontiguousarray(np.where(used[:, None], A / scale, 0.0))
-    f = np.where(used, f, 0.0)
+    A, f, scale = scaled_columns(A, f, group)
     sums = GroupSums.of(A, f, group, noise, scale)
     one = np.zeros(len(sums.rows), np.int64)
     shape = LevelShape(Levels(one, np.arange(one.size)) if levels is None else levels, p, scale[0])

@@ -1,12 +1,15 @@
 """Windows in chunks, on as many cores as are worth it; sums that do not depend on their number."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numba.core import config
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 #: Windows that are worked on together: their sums stay in the cache, and Python costs nothing.
 CHUNK: Final = 8192
@@ -25,14 +28,23 @@ def in_chunks(work: Callable[[slice], None], rows: int) -> None:
     The loops release the interpreter's lock. NUMBA_NUM_THREADS bounds the cores, as for numba.
     """
     chunks = [slice(begin, min(begin + CHUNK, rows)) for begin in range(0, rows, CHUNK)]
+    mapped(work, chunks, _WORTH_THREADS)
+
+
+def mapped(work: Callable[[T], R], items: Sequence[T], a_thread: int = 1) -> list[R]:
+    """Call `work` with each item, and give what comes of them in their order.
+
+    Args:
+        work: loops that release the interpreter's lock, mostly.
+        items: what is worked on.
+        a_thread: a thread is not worth starting for fewer.
+    """
     cores: int = config.NUMBA_NUM_THREADS  # pyright: ignore[reportAttributeAccessIssue] made at run time
-    threads = min(cores, len(chunks) // _WORTH_THREADS)
+    threads = min(cores, len(items) // a_thread)
     if threads < 2:
-        for chunk in chunks:
-            work(chunk)
-        return
+        return [work(item) for item in items]
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, chunks))
+        return list(pool.map(work, items))
 
 
 @contextmanager

@@ -13,12 +13,14 @@ from analysis.weighing.equation import (
     Ints,
     NoiseOfColumns,
     begins,
+    ends,
     ground_speed,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
 from estimators import group_sums
 from estimators.group_mean import trailing_group_mean
 from estimators.group_sums import NoiseMoments
+from estimators.threads import mapped
 
 #: So many rows a length of the mean hold nearly all that its means hold.
 _ROWS_A_MEAN: Final = 8
@@ -97,7 +99,52 @@ def averages(
         samples: longest mean.
         found: by earlier rounds.
     """
-    rows = np.arange(motion.force.size, dtype=np.float64)
+    pieces = mapped(
+        lambda piece: _averaged(piece, noise, terms, samples, found), list(motion.pieces)
+    )
+    A = np.concatenate([piece.A for piece in pieces])
+    f = np.concatenate([piece.f for piece in pieces])
+    lengths, which = np.unique(
+        np.concatenate([piece.count for piece in pieces]), return_inverse=True
+    )
+    covariances = np.stack([noise.covariance(int(length)) for length in lengths])
+    weight = _weights(A[:, :2], f, covariances, which)
+    ends_at = np.cumsum([piece.f.size for piece in pieces])[:-1]
+    added = mapped(
+        lambda each: _noise_moments(terms, each[0], covariances, each[1], each[2]),
+        list(zip(pieces, np.split(which, ends_at), np.split(weight, ends_at), strict=True)),
+    )
+    A *= weight[:, None]
+    f *= weight
+    return Averages(
+        A,
+        f,
+        np.concatenate([piece.group for piece in pieces]),
+        np.concatenate([piece.raw.direction for piece in pieces]),
+        NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
+        max(_SHORTEST // stride_of(samples), 6),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Averaged:
+    """Of a piece: columns, force, stretch and length of each mean, and its last sample."""
+
+    A: Floats
+    f: Floats
+    group: Ints
+    count: Ints
+    raw: Moments
+
+
+def _averaged(
+    motion: Equation,
+    noise: NoiseOfColumns,
+    terms: tuple[Nuisance, ...],
+    samples: int,
+    found: EarlierRounds,
+) -> _Averaged:
+    """Average the columns of a piece, not weighted."""
     in_time = motion.with_force_moved_back(found.lag_s)
     if found.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
@@ -114,33 +161,18 @@ def averages(
         acting,
         _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
         motion.direction,
-        rows / rows.size - 0.5,
+        motion.progress,
         found.slip_s_m,
         found.transfer_s2_m,
     )
-    stride = stride_of(samples)
     group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
-    kept = _thinned(group, stride)
-
-    def mean(x: Floats) -> Floats:
-        return trailing_group_mean(x, group, samples)[0][kept]
-
-    count = trailing_group_mean(raw.speed, group, samples)[1][kept]
-    A = np.column_stack(
-        [mean(raw.acceleration), mean(raw.speed), *(mean(term.column(raw)) for term in terms)]
-    )
-    f = mean(force)
-    lengths, which = np.unique(count, return_inverse=True)
-    covariances = np.stack([noise.covariance(int(length)) for length in lengths])
-    weight = _weights(A[:, :2], f, covariances, which)
-    return Averages(
-        A * weight[:, None],
-        f * weight,
-        group[kept],
-        motion.direction[kept],
-        _noise_moments(terms, raw.at(kept), group[kept], covariances, which, weight),
-        max(_SHORTEST // stride, 6),
-    )
+    kept = np.flatnonzero(_thinned(group, stride_of(samples)))
+    columns = [raw.acceleration, raw.speed, *(term.column(raw) for term in terms)]
+    A = np.empty((kept.size, len(columns)))
+    for column, x in enumerate(columns):
+        A[:, column] = trailing_group_mean(x, group, samples)[0][kept]
+    f, count = trailing_group_mean(force, group, samples)
+    return _Averaged(A, f[kept], group[kept], count[kept], raw.at(kept))
 
 
 def stride_of(samples: int) -> int:
@@ -154,20 +186,15 @@ def _since(group: Ints) -> Ints:
     return row - np.maximum.accumulate(np.where(begins(group), row, 0))
 
 
-def _last(group: Ints) -> Bools:
-    """Which samples are the last of their stretch, (n,)."""
-    return (group >= 0) & (np.append(group[1:], -1) != group)
-
-
 def _under_way(group: Ints, lag: int) -> Ints:
     """The stretches without their first samples, whose force is from before the break-away."""
-    return np.where((_since(group) >= lag) | _last(group), group, -1)
+    return np.where((_since(group) >= lag) | ends(group), group, -1)
 
 
 def _thinned(group: Ints, stride: int) -> Bools:
     """Every so many-th sample of each stretch, and the last of one that has fewer."""
     since = _since(group)
-    short = _last(group) & (since < stride - 1)
+    short = ends(group) & (since < stride - 1)
     return (group >= 0) & ((since % stride == stride - 1) | short)
 
 
@@ -191,31 +218,29 @@ def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
 
 def _noise_moments(
     terms: tuple[Nuisance, ...],
-    kept: Moments,
-    group: Ints,
+    piece: _Averaged,
     covariances: Floats,
     which: Ints,
     weight: Floats,
-) -> NoiseMoments:
+) -> tuple[Floats, Floats]:
     """What noise of acceleration, speed and force adds to AᵀA and Aᵀf, by stretch.
 
     Args:
         terms: the nuisances.
-        kept: moments of the rows.
-        group: (rows,) stretch.
+        piece: the rows.
         covariances: (kinds, 3, 3) of means of so many samples.
         which: (rows,) the kind of each.
-        weight: (rows,) that rows were multiplied by.
+        weight: (rows,) that rows are multiplied by.
     """
-    ids, index = np.unique(group, return_inverse=True)
+    ids, index = np.unique(piece.group, return_inverse=True)
     # derivatives of the columns by acceleration, speed and force; the others are 0
     slopes, places = [weight, weight], [(0, 0), (1, 1)]
     for j, term in enumerate(terms, start=2):
         for channel, by in enumerate((term.by_acceleration, term.by_speed, term.by_force)):
             if by is not None:
-                slopes.append(by(kept) * weight)
+                slopes.append(by(piece.raw) * weight)
                 places.append((j, channel))
-    gram, cross = group_sums.noise_moments(
+    return group_sums.noise_moments(
         np.stack(slopes),
         np.array(places, np.int64),
         covariances,
@@ -223,4 +248,3 @@ def _noise_moments(
         index,
         (ids.size, 2 + len(terms)),
     )
-    return NoiseMoments(gram, cross)

@@ -5,6 +5,7 @@ whatever force there is: a start then says that there is no Coulomb friction. So
 samples as they are, from the break-away on, and averages inside a manoeuvre only.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final, Protocol
@@ -41,6 +42,10 @@ _CLEAR: Final = 10
 _LEAST_GROUND: Final = 0.5
 #: Moving both ways needs this share of the samples each way.
 _BOTH_WAYS: Final = 0.1
+#: Samples that are worked on together, so that they stay in the processor's cache,
+_PIECE: Final = 32_768
+#: and so long before and after them, from where a lag or a derivative may take samples.
+_REACH_S: Final = 0.6
 
 
 class NoiseOfColumns(Protocol):
@@ -65,6 +70,7 @@ class Equation:
         rate_hz: of the grid.
         specific_force: the accelerometer along x, in m/s², where there is one.
         without_gravity: likewise with gravity's share by the pitch taken off.
+        progress: from -1/2 to 1/2 over the log.
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
         weight: of the machine without load, in N; of what this log says where it is not known.
@@ -80,6 +86,7 @@ class Equation:
     rate_hz: float
     specific_force: Floats | None
     without_gravity: Floats | None
+    progress: Floats
     by_accelerometer: bool
     force_share: float
     weight: float
@@ -90,7 +97,10 @@ class Equation:
         if not self.used.any() or int(self.group.max()) < stretches:
             return self
         end = int(np.argmax(self.group >= stretches))
-        cut = slice(0, end)
+        return replace(self._cut(slice(0, end)), progress=_progress(end))
+
+    def _cut(self, cut: slice) -> "Equation":
+        """The samples of a slice."""
         level, measured = self.without_gravity, self.specific_force
         return replace(
             self,
@@ -102,8 +112,24 @@ class Equation:
             unit=self.unit[cut],
             specific_force=None if measured is None else measured[cut],
             without_gravity=None if level is None else level[cut],
+            progress=self.progress[cut],
             boom=None if self.boom is None else self.boom[cut],
         )
+
+    @cached_property
+    def pieces(self) -> tuple["Equation", ...]:
+        """The same in pieces of whole stretches, with the samples around that they reach to."""
+        first = np.flatnonzero(begins(self.group))
+        last = np.flatnonzero(ends(self.group))
+        whole = np.flatnonzero(np.diff(first // _PIECE)) + 1
+        reach = math.ceil(_REACH_S * self.rate_hz)
+        found: list[Equation] = []
+        for stretches in np.split(np.arange(first.size), whole):
+            begin, end = int(first[stretches[0]]), int(last[stretches[-1]]) + 1
+            piece = self._cut(slice(max(begin - reach, 0), end + reach))
+            own = (piece.group >= stretches[0]) & (piece.group <= stretches[-1])
+            found.append(replace(piece, group=np.where(own, piece.group, -1)))
+        return tuple(found)
 
     def without(self, samples: Bools) -> "Equation":
         """The same without some of the samples, stretches numbered anew."""
@@ -206,6 +232,7 @@ def equation(
         settings.align.rate_hz,
         measured,
         level,
+        _progress(speed.size),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
@@ -221,6 +248,16 @@ def ground_speed(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
 def begins(group: Ints) -> Bools:
     """Which samples are the first of their stretch, (n,)."""
     return (group >= 0) & (np.append(-1, group[:-1]) != group)
+
+
+def ends(group: Ints) -> Bools:
+    """Which samples are the last of their stretch, (n,)."""
+    return (group >= 0) & (np.append(group[1:], -1) != group)
+
+
+def _progress(samples: int) -> Floats:
+    """From -1/2 to 1/2 over so many samples."""
+    return np.arange(samples) / max(samples, 1) - 0.5
 
 
 def _standstills(excitation: pl.DataFrame) -> Ints:

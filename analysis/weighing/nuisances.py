@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Bools, Equation, Floats
+from analysis.weighing.equation import Equation, Floats, Ints
 
 #: An offset of which nothing is left to find.
 _LEAST_OFFSET_N: Final = 1e-3
@@ -43,7 +43,7 @@ class Moments:
     slip_s_m: float
     transfer_s2_m: float
 
-    def at(self, rows: Bools) -> "Moments":
+    def at(self, rows: Ints) -> "Moments":
         """The same of some of the samples."""
         return replace(
             self,
