@@ -39,12 +39,7 @@ def read_channels(
         LogError: a topic that no log has, that has no message, or of which two logs have other
             messages at one time.
     """
-    wanted: dict[str, list[str]] = {}
-    for channel in machine.channels.values():
-        for field in channel.fields:
-            fields = wanted.setdefault(channel.topic or "table", [])
-            if field not in fields:
-                fields.append(field)
+    wanted = channel_fields(machine)
     losses: list[Loss] = []
     has = {log: set(log.topics()["topic"]) for log in logs}
     # what no estimate needs must not stop one
@@ -86,6 +81,17 @@ def read_channels(
     for log in logs:
         losses += log.losses()
     return raw, losses
+
+
+def channel_fields(machine: Machine) -> dict[str, list[str]]:
+    """The fields that the channels name, by topic."""
+    wanted: dict[str, list[str]] = {}
+    for channel in machine.channels.values():
+        for field in channel.fields:
+            fields = wanted.setdefault(channel.topic or "table", [])
+            if field not in fields:
+                fields.append(field)
+    return wanted
 
 
 def _filled_by(topic: str, machine: Machine) -> list[str]:

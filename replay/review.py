@@ -18,6 +18,7 @@ from analysis.cycles.target import TargetCheck, check_target
 from analysis.machine import Machine
 from analysis.run import Run
 from estimators.errors import DataError, OutputError, RecordingError, ReviewError
+from estimators.threads import mapped
 from recordings import read_frame, write_recording
 from recordings.output import staged
 from recordings.review.ledger import CSV, PARQUET, identities, ledger, write_ledger
@@ -33,6 +34,8 @@ from recordings.review.state import (
 )
 from recordings.review.verdicts import VERDICTS, matched, read_verdicts
 from replay.calibrated import AskedCalibration, MachineCalibration, load_calibration
+from replay.decoded import FOLDER as DECODED
+from replay.decoded import decoded
 from replay.inputs import input_files, resolved, versions
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import run
@@ -114,7 +117,8 @@ def review(
     """Review a shift.
 
     All logs are one time line with one fit, so that friction and nuisances are told by the whole
-    shift: another log, or another byte in one, is another fit. What is kept is the whole replay.
+    shift: another log, or another byte in one, is another fit. What is kept is the whole replay,
+    and each log decoded.
 
     Args:
         logs: of the shift, in any order; a folder stands for all in it.
@@ -139,11 +143,12 @@ def review(
         )
         if by is not None:
             by.check_days(opened)
+        mapped(lambda log: log.digests, opened)
         plain = _resolved(machine, options, by)
         key = _key(opened, machine, full=options.full)
         before = read_state(folder)
         kept = _kept(folder, before, key)
-        made = kept or _replayed(opened, machine, logs, machine_file, on_stage)
+        made = kept or _replayed(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, summary, against = made.cycles, made.shift, ""
         if by is not None:
             against = contradiction(_nuisances(made, folder))
@@ -198,13 +203,18 @@ class ReplayedShift:
 def _replayed(
     opened: list[Log],
     machine: Machine,
-    logs: Sequence[Path],
-    machine_file: Path,
+    folder: Path,
+    named: tuple[Sequence[Path], Path],
     on_stage: Callable[[str], None],
 ) -> ReplayedShift:
+    count = len(opened)
+    own = decoded(
+        opened, machine, folder / DECODED, lambda done: on_stage(f"decode {done} of {count}")
+    )
     try:
-        made = run(opened, machine, on_stage)
+        made = run(own, machine, on_stage)
     except DataError as error:
+        logs, machine_file = named
         names = ", ".join(map(str, logs))
         raise DataError(f"{names} with {machine_file}: {error}") from None
     frames = made.frames

@@ -20,6 +20,7 @@ from analysis.machine import Machine
 from analysis.schema import values
 from analysis.segments import manoeuvres
 from analysis.windows import windows_with
+from estimators.compiled import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -240,6 +241,7 @@ def equation(
     )
 
 
+@compiled
 def ground_speed(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
     """The ground's speed from that of wheels which slip by κ = F / C, (n,) in m/s."""
     return speed / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)

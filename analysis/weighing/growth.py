@@ -16,6 +16,7 @@ from analysis.weighing.equation import Floats, Ints, NoiseOfColumns
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.states import sample_units, stretch_units
 from estimators.autocorrelation import student_factor
+from estimators.fit_loss import group_ids, group_rows
 
 #: A manoeuvre of fewer rows tells nothing of it.
 _FEWEST_ROWS: Final = 20
@@ -52,7 +53,9 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
         return ()
     rows = averages(fit.motion, noise, fit.terms, fit.mean_samples, fit.found)
     unit = np.where(rows.group >= 0, stretch_units(fit.motion)[np.maximum(rows.group, 0)], -1)
-    parts = [np.flatnonzero(unit == each) for each in fit.states.unit]
+    by_unit = dict(zip(group_ids(unit).tolist(), group_rows(unit), strict=True))
+    none = np.empty(0, np.int64)
+    parts = [by_unit.get(each, none) for each in fit.states.unit.tolist()]
     told = [part.size >= _FEWEST_ROWS for part in parts]
     if sum(told) < _FEWEST:
         return ()

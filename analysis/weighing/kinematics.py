@@ -14,9 +14,18 @@ from typing import Final
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns, ground_speed
+from analysis.weighing.equation import (
+    Equation,
+    Floats,
+    Ints,
+    NoiseOfColumns,
+    begins,
+    ends,
+    ground_speed,
+)
 from analysis.weighing.nuisances import const_width
 from estimators import prior_fit
+from estimators.compiled import compiled
 from estimators.fit_loss import group_rows
 from estimators.group_sums import NoiseMoments
 from estimators.prior_fit import Grouping
@@ -240,41 +249,75 @@ def _rows(
     measured: Floats, motion: Equation, noise: NoiseOfColumns, slip_1_N: float
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
-    step_s = 1.0 / motion.rate_hz
+    first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
+    spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * _MEAN]
+    if not spans.size:
+        return None
+    X, y, group, ground = _compared_means(
+        measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
+    )
     covariance = noise.covariance(_MEAN)
-    kernel = np.full(_MEAN, 1.0 / _MEAN)
+    grams = np.zeros((len(spans), 4, 4))
+    grams[:, 1, 1] = ground * covariance[2, 2]
+    grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]
+    return X, y, group, NoiseMoments(grams, np.zeros((len(spans), 4)))
 
-    def mean(x: Floats) -> Floats:
-        return np.convolve(x, kernel, "valid")[::_EVERY]
 
-    columns: list[Floats] = []
-    responses: list[Floats] = []
-    groups: list[Floats] = []
-    grams: list[Floats] = []
-    for part in group_rows(motion.group):
-        if part.size < 10 * _MEAN:
-            continue
-        a, v, f = measured[part], motion.speed[part], motion.force[part]
+@compiled
+def _compared_means(
+    measured: Floats, speed: Floats, force: Floats, spans: Ints, step_s: float, slip_1_N: float
+) -> tuple[Floats, Floats, Ints, Floats]:
+    """Means of the columns and of the response, each stretch without its constant and slope.
+
+    Args:
+        measured: (n,) by the accelerometer.
+        speed: (n,) of the wheels.
+        force: (n,).
+        spans: (stretches, 2) first sample of each, and the one behind it.
+        step_s: of the grid.
+        slip_1_N: of the wheels.
+
+    Returns:
+        (rows, 4) columns, (rows,) response, (rows,) stretch, and (stretches,) the sum of squares
+        of the ground's speed.
+    """
+    counts = (spans[:, 1] - spans[:, 0] - _MEAN) // _EVERY + 1
+    X, y = np.empty((counts.sum(), 4)), np.empty(counts.sum())
+    group, squares = np.empty(y.size, np.int64), np.zeros(len(spans))
+    row = 0
+    for number in range(len(spans)):
+        part = slice(spans[number, 0], spans[number, 1])
+        a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        without_slip = ground_speed(v, f, slip_1_N) - gained
-        ground = np.abs(gained + _line(v.size) @ (_line(v.size).T @ without_slip))
-        y = mean(v - gained)
-        kept = _line(y.size)
-        X = np.column_stack([mean(gained), mean(ground * f), mean(-a), mean(-ground)])
-        columns.append(X - kept @ (kept.T @ X))
-        responses.append(y - kept @ (kept.T @ y))
-        groups.append(np.full(y.size, len(groups)))
-        gram = np.zeros((4, 4))
-        gram[1, 1] = float(mean(ground) @ mean(ground)) * covariance[2, 2]
-        gram[2, 2] = y.size * covariance[0, 0]
-        grams.append(gram)
-    if not columns:
-        return None
-    moments = NoiseMoments(np.stack(grams), np.zeros((len(grams), 4)))
-    return (
-        np.concatenate(columns),
-        np.concatenate(responses),
-        np.concatenate(groups).astype(np.int64),
-        moments,
-    )
+        slipping = ground_speed(v, f, slip_1_N) - gained
+        ground = np.abs(gained + slipping - _without_line(slipping))
+        rows = slice(row, row + counts[number])
+        y[rows] = _without_line(_means(v - gained))
+        X[rows, 0] = _without_line(_means(gained))
+        X[rows, 1] = _without_line(_means(ground * f))
+        X[rows, 2] = _without_line(_means(-a))
+        of_ground = _means(ground)
+        X[rows, 3] = _without_line(-of_ground)
+        group[rows] = number
+        squares[number] = (of_ground**2).sum()
+        row += counts[number]
+    return X, y, group, squares
+
+
+@compiled
+def _means(x: Floats) -> Floats:
+    """Means of `_MEAN` samples, one every `_EVERY`."""
+    out = np.empty((x.size - _MEAN) // _EVERY + 1)
+    for i in range(out.size):
+        out[i] = x[i * _EVERY : i * _EVERY + _MEAN].sum() / _MEAN
+    return out
+
+
+@compiled
+def _without_line(x: Floats) -> Floats:
+    """The same without a constant and a slope."""
+    middle = (x.size - 1) / 2.0
+    ramp = np.arange(x.size) - middle
+    slope = (ramp * x).sum() / (ramp * ramp).sum()
+    return x - x.sum() / x.size - slope * ramp

@@ -33,8 +33,14 @@ class Stages:
         self._until_exit = ExitStack()
 
     def begin(self, stage: str) -> None:
-        """A stage begins; the one before it has ended."""
-        self._began.append((stage, time.perf_counter()))
+        """A stage begins; the one before it has ended.
+
+        Args:
+            stage: its name in a word, and how far it is: "decode 3 of 8".
+        """
+        name = stage.partition(" ")[0]
+        if not self._began or self._began[-1][0] != name:
+            self._began.append((name, time.perf_counter()))
         self._bar.update(self._task, description=stage, completed=len(self._began) - 1)
 
     def __enter__(self) -> Self:
@@ -62,7 +68,7 @@ class Stages:
             for stage, seconds in took:
                 console.print(f"{stage:<9} {seconds:8.3f} s")
             total = sum(seconds for _, seconds in took)
-            reading = sum(seconds for stage, seconds in took if stage == "read")
+            reading = sum(seconds for stage, seconds in took if stage in ("decode", "read"))
             # which waits for libraries, too
             opening = sum(seconds for stage, seconds in took if stage == "open")
             console.print(

@@ -52,7 +52,7 @@ def command(
 
     asked = asked_calibration(calibration, key, signed=require_signed)
     options = ReviewOptions(overrides or [], asked, target, full)
-    with Stages(len(STAGES) + 2, timing=timing) as stages:
+    with Stages(len(STAGES) + 3, timing=timing) as stages:
         made = review(logs, machine, output, options, stages.begin)
     if as_json:
         print_json(made.to_dict())

@@ -179,6 +179,15 @@ def test_a_mean_of_ten_is_seen_as_the_triangle_that_it_is():
     assert variance == pytest.approx(0.1, rel=0.05)
 
 
+def test_a_part_of_many_residuals_tells_what_all_of_them_do():
+    white = np.random.default_rng(7).normal(size=1_200_009)
+    smoothed = np.convolve(white, np.ones(10) / 10, "valid")
+    for group in (np.zeros(smoothed.size, np.int64), np.arange(smoothed.size) // 240):
+        correlation, variance = pooled_autocorrelation(smoothed, group, None)
+        assert 2.0 * correlation.sum() - 1.0 == pytest.approx(10.0, rel=0.04)
+        assert variance == pytest.approx(0.1, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("residual", "group", "variance"),
     [
