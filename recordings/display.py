@@ -40,6 +40,8 @@ class Drawn:
     faint: bool = False
     dotted: bool = False
     """Whether its numbers stand alone, too far apart for a line."""
+    wide: bool = False
+    """Whether another line lies over it."""
 
 
 def span_ns(run: Run) -> tuple[int, int] | None:

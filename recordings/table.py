@@ -423,3 +423,22 @@ def component(column: str) -> str:
 def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
     """The frames of a run that a series is drawn from, in the run's order."""
     return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
+
+
+def drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
+    """The columns of a frame that a view draws, with those that place and order its rows."""
+    family = entity_parts(frame)[0]
+    wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind"} | {
+        name
+        for tab in TABS
+        for view in tab.views
+        for series in view.series
+        if series.frame == family
+        for name in (series.column, series.std)
+    }
+    if family not in _DRAWN_FRAMES:
+        return ()
+    return tuple(name for name in columns if name in wanted)
+
+
+_DRAWN_FRAMES: Final = {s.frame for tab in TABS for view in tab.views for s in view.series}

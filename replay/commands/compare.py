@@ -30,6 +30,12 @@ _COLUMNS_SHOWN: Final = 4
 def command(
     a: Annotated[Path, typer.Argument(help="The recording that changes are counted from (.rrd).")],
     b: Annotated[Path, typer.Argument(help="The other recording.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Write a recording of both, with their differences (.rrd)."
+        ),
+    ] = None,
     rtol: Annotated[
         float, typer.Option(min=0.0, help="Largest relative difference that counts as none.")
     ] = 0.0,
@@ -42,21 +48,25 @@ def command(
     calibration: Calibration = None,
     key: SignerKey = None,
     require_signed: RequireSigned = False,
+    force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print every difference as JSON.")
     ] = False,
 ) -> None:
     """Compare two recordings: settings, estimates, manoeuvres and columns that differ.
 
-    Numbers are compared bit for bit unless --rtol is given. Exit status 1 when anything differs
+    Numbers are compared bit for bit unless --rtol is given. With -o a recording shows both over
+    each other, B less A below, in A's time; of different logs (--other-logs) each manoeuvre of B
+    begins where its counterpart of A does. Exit status 1 when anything differs
     but file names and versions.
     """
     from replay.commands.printing import print_json
-    from replay.compare import compare_recordings
+    from replay.compare import OverlayTo, compare_recordings
 
     found = compare_recordings(
         a,
         b,
+        OverlayTo(output, force),
         rtol=rtol,
         other_logs=other_logs,
         calibration=asked_calibration(calibration, key, signed=require_signed),
