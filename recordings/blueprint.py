@@ -39,6 +39,13 @@ class Panel:
         """Whether its lines need names; extremes of one line do not."""
         return self.kind is not Kind.STATES and sum(not each.faint for each in self.drawn) > 1
 
+    @property
+    def share(self) -> float:
+        """Its height, where that of a plot is 1."""
+        if self.kind is not Kind.STATES:
+            return 1.0
+        return max(_LANE_SHARE, 0.4 * len(self.drawn))
+
 
 @dataclass(frozen=True, slots=True)
 class Page:
@@ -103,7 +110,7 @@ def _tab(page: Page, run: Run) -> "rrb.Container | None":
     beside = bool(page.texts)
     room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
     plots = [_view(panel, _axis(run, room)) for panel in page.panels]
-    shares = [_LANE_SHARE if panel.kind is Kind.STATES else 1.0 for panel in page.panels]
+    shares = [panel.share for panel in page.panels]
     documents = [
         rrb.TextDocumentView(origin=text_entity(name), name=name.capitalize())
         for name in page.texts
@@ -173,7 +180,7 @@ def _visualizers(kind: Kind, drawn: Drawn) -> "Iterator[Visualizer]":
         variances = _mapping("Measurements:variances", drawn.variance)
         yield band.visualizer(mappings=[values, variances])
     else:
-        width = 0.7 if drawn.faint else 4.0 if drawn.wide else 1.5
+        width = 0.7 if drawn.faint else 3.5 if drawn.wide else 1.5
         line = rr.SeriesLines(
             names=drawn.label,
             colors=colour,

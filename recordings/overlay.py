@@ -142,9 +142,7 @@ def _difference(view: View, less: _Side) -> Panel | None:
     if not drawn:
         return None
     named = tuple(replace(each, frame=_under(_LESS, each.frame)) for each in drawn)
-    unit = "" if view.unit == "1" else f" ({view.unit})"
-    title = f"B − A of {view.name[:1].lower()}{view.name[1:]}{unit}"
-    return Panel(title, Kind.LINES, named, axis_range(plain, less.run))
+    return Panel(f"B − A: {view.title}", Kind.LINES, named, axis_range(plain, less.run))
 
 
 def _moves(numbers: pl.Series) -> bool:
