@@ -8,7 +8,7 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -72,6 +72,45 @@ def start_viewer() -> str:
         process, port = _start(None, log)
         _connected(process, port, log, "a screen; leave out --live without one", waiting=True)
     return _address(port)
+
+
+def recordings_shown(address: str) -> tuple[str, ...]:
+    """The recordings that a viewer holds, by their ids; none where no viewer answers."""
+    from rerun.experimental import ViewerClient
+
+    try:
+        state = ViewerClient.connect(address).get_state()
+    except (ConnectionError, RuntimeError):
+        return ()
+    return tuple(each.store_id for each in state.recordings)
+
+
+def follow(address: str, before: Sequence[str]) -> None:
+    """Put the newest recording where the one before it stood, and close those older than that.
+
+    A viewer that went away is none of our business.
+
+    Args:
+        address: of the viewer.
+        before: what it held before the newest came (`recordings_shown`).
+    """
+    from rerun.experimental import ViewerClient
+
+    try:
+        client = ViewerClient.connect(address)
+        held = {each.store_id: each for each in client.get_state().recordings}
+        new = [each for each in held if each not in before]
+        old = [each for each in before if each in held]
+        if not (new and old):
+            return
+        now_ns = held[old[-1]].current_time
+        if now_ns is not None and held[old[-1]].current_timeline == TIME:
+            at = np.datetime64(int(now_ns), "ns")
+            client.set_time(TIME, timestamp=at, play_state="paused", recording=new[-1])
+        if old[:-1]:
+            client.close(store_ids=old[:-1])
+    except (ConnectionError, RuntimeError):
+        return
 
 
 def screenshots(

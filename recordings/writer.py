@@ -36,8 +36,22 @@ APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"
 
 
+@dataclass(frozen=True, slots=True)
+class LiveView:
+    """A viewer that shows a recording while it is written.
+
+    Attributes:
+        address: of the viewer (`start_viewer`).
+        laid_out: whether it has our layout from an earlier recording, and keeps what a person
+            made of it.
+    """
+
+    address: str
+    laid_out: bool = False
+
+
 def write_recording(
-    run: Run, path: str | Path, *, force: bool = False, viewer: str | None = None
+    run: Run, path: str | Path, *, force: bool = False, viewer: str | LiveView | None = None
 ) -> Path:
     """Write every frame of `run` and its provenance, with a blueprint that lays it out.
 
@@ -47,7 +61,7 @@ def write_recording(
         run: what to write. Floats outside `raw` hold no NaN (missing is null).
         path: the `.rrd` file to write; its folder must exist.
         force: whether to replace a file that is there already.
-        viewer: the address of a viewer (`start_viewer`) that shows it while it is written.
+        viewer: a viewer that shows it while it is written, or its address (`start_viewer`).
 
     Returns:
         The path of the recording.
@@ -89,7 +103,7 @@ def write_scene(
     path: str | Path,
     *,
     force: bool = False,
-    viewer: str | None = None,
+    viewer: str | LiveView | None = None,
 ) -> Path:
     """Write a run as `write_recording` does, drawn in a way of its own.
 
@@ -98,12 +112,13 @@ def write_scene(
         scene_of: what is drawn; called once the output is known to be writable.
         path: the `.rrd` file to write.
         force: whether to replace a file that is there already.
-        viewer: the address of a viewer that shows it while it is written.
+        viewer: a viewer that shows it while it is written, or its address.
 
     Raises:
         OutputError: as `write_recording`.
     """
     path = Path(path)
+    viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
     check_recording(path, force=force)
     with whole_file(path, force=force) as partial:
         with piped_file(partial) as piped:
@@ -128,7 +143,7 @@ def _write(
     scene_of: Callable[[Run], Scene],
     piped: PipedFile,
     path: Path,
-    viewer: str | None,
+    viewer: LiveView | None,
 ) -> None:
     # what Rerun would log of a viewer that went away is said in our own line
     os.environ.setdefault("RUST_LOG", "off")
@@ -142,10 +157,11 @@ def _write(
         provenance=json.dumps(run.provenance.model_dump(mode="json")),
     )
     recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
-    watching = [rr.GrpcSink(viewer)] if viewer else []
+    watching = [rr.GrpcSink(viewer.address)] if viewer else []
     recording.set_sinks(rr.FileSink(piped.name), *watching)
     piped.opened()
-    recording.send_blueprint(scene.layout, make_active=True, make_default=True)
+    first = viewer is None or not viewer.laid_out
+    recording.send_blueprint(scene.layout, make_active=first, make_default=True)
     recording.send_property(PROPERTY, description)
     recording.send_recording_name(scene.name)
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -128,23 +128,16 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
 def _values(changes: Iterable["Changed"]) -> "Table":
     from rich.markup import escape
 
-    from replay.commands.printing import plain_table
+    from replay.commands.printing import plain_table, value_text
 
     table = plain_table("", "A", "B")
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
     for change in list(changes)[:_SHOWN]:
-        table.add_row(*(escape(text) for text in (change.name, _said(change.a), _said(change.b))))
+        table.add_row(
+            *(escape(text) for text in (change.name, value_text(change.a), value_text(change.b)))
+        )
     return table
-
-
-def _said(value: Any) -> str:
-    """A value as a machine file writes it."""
-    import json
-
-    if value is None:
-        return "–"
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 _UNITS: Final = {
