@@ -4,13 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Final
-from warnings import catch_warnings, filterwarnings
 
 import numpy as np
 import polars as pl
 
 from analysis.run import Run
-from estimators.errors import OutputError
 from recordings import colours
 from recordings.display import (
     LANES,
@@ -22,7 +20,7 @@ from recordings.display import (
     span_ns,
     stands_alone,
 )
-from recordings.output import check_output, whole_file
+from recordings.picture import check_picture, write_picture
 from recordings.table import PAGE, STATE, View
 from recordings.texts import local_time, summary
 
@@ -30,7 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-SUFFIXES: Final = (".png", ".pdf", ".svg")
 _NS: Final = 1e9
 _WIDTH_IN: Final = 10.0
 _PANEL_IN: Final = 1.5
@@ -40,7 +37,6 @@ _CHARACTERS: Final = 140
 #: More points than this are drawn as an envelope, more shaded spans not at all.
 _POINTS: Final = 4000
 _SPANS: Final = 400
-_DPI: Final = 150
 
 
 def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
@@ -60,17 +56,8 @@ def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
         OutputError: another suffix, the file exists, or it cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
-    check_output(path, force=force)
-    figure = draw_run(run)
-    with (
-        whole_file(path, force=force) as partial,
-        catch_warnings(),
-    ):
-        filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
-        figure.savefig(partial, dpi=_DPI)
-    return path
+    check_picture(path, force=force)
+    return write_picture(draw_run(run), path, force=force)
 
 
 def draw_run(run: Run) -> "Figure":

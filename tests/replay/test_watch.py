@@ -88,7 +88,7 @@ class TestViewer:
     ) -> None:
         with headless_viewer(None) as (client, address):
 
-            def on_answer(answer: Answer, changed: list[Changed]) -> None:
+            def on_answer(_: Answer, changed: list[Changed]) -> None:
                 held = client.get_state().recordings
                 if not changed:
                     client.set_time("time", timestamp=7.0, play_state="paused")
