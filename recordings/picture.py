@@ -52,3 +52,18 @@ def legend_beside(axes: "Axes", size: float = 7.0) -> None:
             frameon=False,
             borderaxespad=0.2,
         )
+
+
+def legend_above(axes: "Axes", size: float = 6.0) -> None:
+    """Name the lines of a panel above it, where no data lie; none where there is one line."""
+    if len(axes.get_legend_handles_labels()[1]) > 1:
+        axes.legend(
+            fontsize=size,
+            loc="lower right",
+            bbox_to_anchor=(1, 1),
+            ncols=7,
+            frameon=False,
+            borderpad=0,
+            columnspacing=1.0,
+            handletextpad=0.4,
+        )

@@ -142,9 +142,7 @@ def _masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> 
         values, std = _numbers(masses, method), _numbers(stds, method)
         if np.isfinite(values).any():
             shifted = at + apart * (number - (len(methods) - 1) / 2.0)
-            axes.errorbar(
-                shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_looks(method)
-            )
+            axes.errorbar(shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_looks(method))
 
 
 def _payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:

@@ -326,6 +326,7 @@ PAGE: Final = (
     _ACCELERATION,
     _SPEED,
     _INDEX,
+    _DECISIONS,
     _LOADS,
     _MASS,
     _FRICTION,

@@ -89,8 +89,8 @@ def command(
     """Replay logs once for each combination of settings and compare masses and verdicts.
 
     If the truth of a simulation lies beside the logs, the root mean square errors of the runs'
-    masses are given as in the paper's Tables 3 and 4, and drawn with --figure. A combination that cannot weigh has no mass.
-    Exit status 1 if none can.
+    masses are given as in the paper's Tables 3 and 4, and drawn with --figure. A combination that
+    cannot weigh has no mass. Exit status 1 if none can.
     """
     if as_json and output_format not in (None, FrameFormat.json):
         raise typer.BadParameter("--json and --format differ; give one of them")
