@@ -76,19 +76,25 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
         )
         for tab in TABS
     ]
-    return laid_out(pages, run)
+    return laid_out(pages, unix_span_ns(run))
 
 
-def laid_out(pages: Sequence[Page], run: Run) -> "rrb.Blueprint":
+def unix_span_ns(run: Run) -> tuple[int, int] | None:
+    """The first and last unix time of a run's grid; None where it has none."""
+    span, t0_ns = span_ns(run), run.provenance.t0_unix_ns
+    return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
+
+
+def laid_out(pages: Sequence[Page], span: tuple[int, int] | None) -> "rrb.Blueprint":
     """Lay out pages as tabs, the first one open; an empty one is left out.
 
     Args:
         pages: the pages.
-        run: the run whose span is in view.
+        span: unix times in ns that are in view; None: all there is.
     """
     import rerun.blueprint as rrb
 
-    tabs = [tab for page in pages if (tab := _tab(page, run)) is not None]
+    tabs = [tab for page in pages if (tab := _tab(page, span)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
@@ -104,12 +110,12 @@ def text_entity(name: str) -> str:
     return entity_path(f"{ROOT}/text/{name}")
 
 
-def _tab(page: Page, run: Run) -> "rrb.Container | None":
+def _tab(page: Page, span: tuple[int, int] | None) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     beside = bool(page.texts)
     room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
-    plots = [_view(panel, _axis(run, room)) for panel in page.panels]
+    plots = [_view(panel, _axis(span, room)) for panel in page.panels]
     shares = [panel.share for panel in page.panels]
     documents = [
         rrb.TextDocumentView(origin=text_entity(name), name=name.capitalize())
@@ -123,16 +129,15 @@ def _tab(page: Page, run: Run) -> "rrb.Container | None":
     return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
-def _axis(run: Run, room: float) -> "rrb.TimeAxis":
+def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
     """The whole log, with room behind it, as a share of it, for legends that would cover data."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 
-    span = span_ns(run)
     if span is None or not room:
         ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
     else:
-        begin, end = (each + run.provenance.t0_unix_ns for each in span)
+        begin, end = span
         ends = (
             TimeRangeBoundary.absolute(nanos=begin),
             TimeRangeBoundary.absolute(nanos=end + round(room * (end - begin))),

@@ -13,7 +13,7 @@ import polars as pl
 from analysis.overlay import difference, in_time_of
 from analysis.run import Run
 from recordings import colours
-from recordings.blueprint import Page, Panel, laid_out
+from recordings.blueprint import Page, Panel, laid_out, unix_span_ns
 from recordings.display import LANES, ROOT, Drawn, axis_range, display_frames, drawn_of
 from recordings.table import TABS, Kind, View
 from recordings.writer import Scene, write_scene
@@ -70,7 +70,7 @@ def write_overlay(
         return Scene(
             name="A and B",
             shown={name: rows for side in sides for name, rows in side.placed().items()},
-            layout=laid_out(_pages(*sides), a),
+            layout=laid_out(_pages(*sides), unix_span_ns(a)),
             texts={COMPARED: text},
         )
 
