@@ -10,8 +10,8 @@ import polars as pl
 
 from analysis.column_noise import ColumnNoise
 from analysis.diagnosis.evidence import Bools, Evidence, Floats
-from analysis.machine import Machine
 from analysis.diagnosis.signals import Ints, Series
+from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.schema import values
 from analysis.weighing.joint_result import JointFit

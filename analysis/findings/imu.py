@@ -5,17 +5,15 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.evidence import Floats
 from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
+from analysis.findings.constants import DEVIATIONS, LEAST_M_S2, constants, gravity, has_pitch
 from analysis.findings.mending import mended
 from analysis.phases import beside_speed_rate
 from analysis.schema import values
+from analysis.units import to_si
 from analysis.weighing.equation import Equation
 
-#: An accelerometer's zero is not trusted to less, in m/s²; so many deviations.
-_LEAST_M_S2: Final = 0.02
-_DEVIATIONS: Final = 5.0
 #: A yaw of less is mounting, not misalignment.
 _LEAST_YAW_RAD: Final = 0.03
 #: Of the wheels' acceleration an accelerometer that sees less is low-passed,
@@ -27,31 +25,9 @@ _LEAST_PITCH_RAD: Final = 0.002
 #: Ratios of usual units are `wrong_unit`'s.
 _UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
 
+_PITCH: Final = "pitch_rad"
 _Y: Final = "specific_force_y_m_s2"
 _Z: Final = "specific_force_z_m_s2"
-
-
-def constant(case: Case) -> tuple[float, float]:
-    """The constant force of the joint fit and its deviation, in N; NaN without."""
-    fit = case.fit
-    if fit is None:
-        return np.nan, np.nan
-    place = [term.name for term in fit.terms].index("const")
-    found, std = (float(each[place]) for each in fit.posterior)
-    return found, std
-
-
-def standing_error(case: Case) -> tuple[float, float]:
-    """What the accelerometer reads along x at standstill beyond gravity by the pitch, in m/s²."""
-    if ACC not in case.aligned.columns:
-        return np.nan, np.nan
-    reads = values(case.aligned, ACC)
-    return case.level_of(reads - _gravity(case))
-
-
-def has_pitch(case: Case) -> bool:
-    """Whether the log knows the slope."""
-    return "pitch_rad" in case.aligned.columns
 
 
 def without_gravity(case: Case) -> bool:
@@ -67,49 +43,28 @@ def tilted(case: Case) -> list[Sign]:
 
 
 def _tilt(case: Case) -> list[Sign]:
-    error, std = standing_error(case)
-    if not np.isfinite(error) or without_gravity(case):
+    seen = constants(case)
+    error, std = seen.error_m_s2
+    if not np.isfinite(error) or seen.tilt is False or without_gravity(case):
         return []
-    deviations = abs(error) / max(_DEVIATIONS * std, _LEAST_M_S2)
-    others = ["imu_bias"]
-    if not has_pitch(case):
-        # ground that slopes leaves no constant force, a tilt does
-        agrees = _tells_tilt(case, error)
-        if agrees is False:
-            return []
-        others += [] if agrees else ["slope"]
+    # ground that slopes leaves no constant force, a tilt does
+    others = ("imu_bias",) if seen.tilt or has_pitch(case) else ("imu_bias", "slope")
     names = case.measured(ACC)
-    offset = "" if not names else f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}"
-    degrees = np.degrees(np.arcsin(np.clip(error / 9.80665, -1.0, 1.0)))
+    degrees = np.degrees(np.arcsin(np.clip(error / case.machine.machine.gravity_m_s2, -1.0, 1.0)))
     return [
         Sign(
-            float(deviations),
+            float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
             f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
             f"{degrees:+.2f}° nose-up, or a bias",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
-            value=offset or None,
+            value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
             change=lambda: mended(
                 case, lambda motion: _raised(motion, -error), min(std / abs(error), 1.0)
             ),
-            alternatives=tuple(others),
+            alternatives=others,
         )
     ]
-
-
-def _tells_tilt(case: Case, error: float) -> bool | None:
-    """Whether driving has the constant force of a tilt, or that of none; None: it cannot tell."""
-    fit = case.fit
-    if fit is None:
-        return None
-    const, std = constant(case)
-    at_rest, _ = case.level_of(_force(case))
-    at_rest = at_rest if np.isfinite(at_rest) else 0.0
-    tilt = ((const - at_rest + fit.mass_kg * error) / std) ** 2
-    slope = ((const - at_rest) / std) ** 2
-    if abs(tilt - slope) < 9.0:
-        return None
-    return bool(tilt < slope)
 
 
 def _yaw(case: Case) -> list[Sign]:
@@ -133,7 +88,7 @@ def _yaw(case: Case) -> list[Sign]:
     if along <= 0.0:
         return []
     angle = float(np.arctan2(across, along))
-    strength = abs(angle) / max(_DEVIATIONS * std, _LEAST_YAW_RAD)
+    strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
     return [
         Sign(
             strength,
@@ -175,7 +130,7 @@ def slope(case: Case) -> list[Sign]:
     pitch, std = case.level(_PITCH)
     if not np.isfinite(pitch):
         return []
-    strength = abs(pitch) / max(_DEVIATIONS * std, _LEAST_PITCH_RAD)
+    strength = abs(pitch) / max(DEVIATIONS * std, _LEAST_PITCH_RAD)
     channel = case.machine.channels[ACC]
     keys = ["settings.forces.acceleration"]
     new = ['"kinematic"']
@@ -184,15 +139,13 @@ def slope(case: Case) -> list[Sign]:
         if of_channel is not None and of_channel not in (1.0, 0.0):
             keys.append(f"channels.acc_x_m_s2.{name}")
             new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
-    gravity = _gravity(case)
+    pull = gravity(case)
 
     def with_gravity(motion: Equation) -> Equation:
         return replace(
             motion,
-            acceleration=motion.acceleration + gravity,
-            specific_force=None
-            if motion.specific_force is None
-            else motion.specific_force + gravity,
+            acceleration=motion.acceleration + pull,
+            specific_force=None if motion.specific_force is None else motion.specific_force + pull,
             without_gravity=motion.specific_force,
         )
 
@@ -210,29 +163,11 @@ def slope(case: Case) -> list[Sign]:
     ]
 
 
-_PITCH: Final = "pitch_rad"
-
-
-def _gravity(case: Case) -> Floats:
-    """Gravity along x by the pitch, (n,); 0 where there is none."""
-    if not has_pitch(case):
-        return np.zeros(case.aligned.height)
-    return case.machine.machine.gravity_m_s2 * np.sin(values(case.aligned, _PITCH))
-
-
-def _force(case: Case) -> Floats:
-    from analysis.forces import longitudinal_force
-
-    return longitudinal_force(case.aligned, case.machine.machine)
-
-
 def _raw(case: Case, error: float) -> float:
     """An acceleration in the channel's own unit."""
     channel = case.machine.channels[ACC]
     if channel.unit is None:
         return error
-    from analysis.units import to_si
-
     return error / to_si(channel.unit, "m/s²")[0]
 
 

@@ -7,26 +7,22 @@ import numpy as np
 
 from analysis.findings.case import Case
 from analysis.findings.cause import Change, Sign
-from analysis.findings.imu import constant, standing_error
+from analysis.findings.constants import DEVIATIONS, LEAST_SHARE, constants
 from analysis.findings.mending import mended
-from analysis.forces import longitudinal_force
+from analysis.schema import CHANNEL_COLUMNS
+from analysis.units import to_si
 from analysis.weighing.equation import Equation
 
 #: So many deviations a term of the fit must be from 0.
 _TERM: Final = 4.5
-#: An offset at standstill must be so many deviations, and this share of the driving force.
-_AT_REST: Final = 5.0
-_LEAST_OFFSET: Final = 0.004
 #: Wheels against accelerometer: so many deviations, and this share.
 _GAIN_DEVIATIONS: Final = 4.5
 _LEAST_GAIN: Final = 0.01
-#: Two explanations whose squared deviations differ by less are not told apart.
-_APART: Final = 9.0
 _CURVED: Final = 6.0
 #: An answer whose standard uncertainty is this share of it has too little to go by.
 _POOR: Final = 0.05
 #: Share of the mass that priors alone leave open where regressors go together.
-_OPEN: Final = 0.02
+_OPEN: Final = 0.04
 #: Braking moves the mass by so many of the answer's standard uncertainties.
 _BRAKING: Final = 1.5
 
@@ -37,6 +33,8 @@ def wheel_radius(case: Case) -> list[Sign]:
     if wheels is None or not wheels.goes_together:
         return []
     gain, std = wheels.gain
+    if not std > 0.0:  # by the pitch: a body that squats, whose wheels are as they are said
+        return []
     strength = abs(gain) / max(_GAIN_DEVIATIONS * std, _LEAST_GAIN)
     body = case.machine.machine
     setting, value = [], []
@@ -64,26 +62,19 @@ def wheel_radius(case: Case) -> list[Sign]:
 
 def offset(case: Case) -> list[Sign]:
     """A force while the machine stands, which driving has as well."""
-    rest, std = case.level_of(longitudinal_force(case.aligned, case.machine.machine))
+    seen = constants(case)
+    rest, std = seen.rest_N
     if not np.isfinite(rest):
         return _constant_alone(case)
-    fit = case.fit
-    largest = fit.motion.largest_force if fit is not None else np.nan
-    strength = abs(rest) / max(_AT_REST * std, _LEAST_OFFSET * np.nan_to_num(largest))
-    const, const_std = constant(case)
-    if fit is not None:
-        # what it holds while it stands may be its brakes', and not be there when it drives
-        error, _ = standing_error(case)
-        driving = const + fit.mass_kg * float(np.nan_to_num(error))
-        if ((driving - rest) / const_std) ** 2 > (driving / const_std) ** 2 + _APART:
-            return []
+    if seen.offset is False or case.fit is None:
+        return []
+    strength = abs(rest) / max(DEVIATIONS * std, LEAST_SHARE * case.fit.motion.largest_force)
     names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
     at_rest = [case.level(name)[0] for name in names]
     return [
         Sign(
             float(strength),
-            f"standing, it reads {rest:+.0f} ± {std:.0f} N; driving has {const:+.0f} ± "
-            f"{const_std:.0f} N besides mass and friction",
+            f"standing, it reads {rest:+.0f} ± {std:.0f} N, and driving has it",
             channel=case.force_channel,
             setting=", ".join(f"channels.{name}.offset" for name in names) or None,
             value=", ".join(_zeroed(case, name, x) for name, x in zip(names, at_rest, strict=True))
@@ -93,6 +84,7 @@ def offset(case: Case) -> list[Sign]:
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
             ),
+            alternatives=() if seen.offset else ("coulomb", "imu_misaligned"),
         )
     ]
 
@@ -101,9 +93,6 @@ def _zeroed(case: Case, name: str, reads: float) -> str:
     channel = case.machine.channels[name]
     if channel.unit is None:
         return f"{channel.offset - reads:.6g}"
-    from analysis.schema import CHANNEL_COLUMNS
-    from analysis.units import to_si
-
     unit = next(column.unit for column in CHANNEL_COLUMNS if column.name == name)
     gain, _ = to_si(channel.unit, unit)
     return f"{channel.offset - reads / gain:.6g}"
@@ -111,9 +100,11 @@ def _zeroed(case: Case, name: str, reads: float) -> str:
 
 def _constant_alone(case: Case) -> list[Sign]:
     """A constant force of a log that never stands: nothing tells whose it is."""
-    const, std = constant(case)
-    if not np.isfinite(const):
+    fit = case.fit
+    if fit is None:
         return []
+    place = [term.name for term in fit.terms].index("const")
+    const, std = (float(each[place]) for each in fit.posterior)
     return [
         Sign(
             abs(const) / (_TERM * std),
@@ -126,28 +117,11 @@ def _constant_alone(case: Case) -> list[Sign]:
 
 def coulomb(case: Case) -> list[Sign]:
     """A force against the motion that does not depend on it."""
-    fit = case.fit
-    if fit is None:
+    seen = constants(case)
+    force, std = seen.coulomb_N
+    if not force > 0.0 or (seen.coulomb is False and not seen.by_direction):
         return []
-    names = [term.name for term in fit.terms]
-    found, stds = fit.posterior
-    alternatives: tuple[str, ...] = ()
-    if "direction" in names:
-        place = names.index("direction")
-        force, std = float(found[place]), float(stds[place])
-    else:
-        const, std = constant(case)
-        error, error_std = standing_error(case)
-        rest, rest_std = case.level_of(longitudinal_force(case.aligned, case.machine.machine))
-        known = [np.isfinite(rest), np.isfinite(error)]
-        force = const - np.nan_to_num(rest) + fit.mass_kg * np.nan_to_num(error)
-        std = float(
-            np.linalg.norm([std, np.nan_to_num(rest_std), fit.mass_kg * np.nan_to_num(error_std)])
-        )
-        force *= float(np.median(fit.motion.direction[fit.motion.used]))
-        alternatives = () if all(known) else ("offset", "imu_misaligned", "imu_bias")
-    if force <= 0.0:
-        return []
+    sure = seen.by_direction or bool(seen.coulomb)
     return [
         Sign(
             force / (_TERM * std),
@@ -156,7 +130,7 @@ def coulomb(case: Case) -> list[Sign]:
             value="true",
             # the answer's fit has the term: only the paper's estimates gain it
             change=lambda: _none(case),
-            alternatives=alternatives,
+            alternatives=() if sure else ("offset", "imu_misaligned", "imu_bias"),
         )
     ]
 
@@ -206,7 +180,10 @@ def too_little(case: Case) -> list[Sign]:
     if weighing is None:
         stretches = case.checks.get("accepted_stretches", 0.0)
         return [Sign(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
-    share = weighing.fit.u_kg / abs(weighing.fit.mass_kg)
+    parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main))
+    # a gain is another cause, and no start would tell it better
+    u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
+    share = u_kg / abs(weighing.fit.mass_kg)
     return [Sign(share / _POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
 
 

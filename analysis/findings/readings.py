@@ -1,4 +1,4 @@
-"""Readings of one channel: frozen, clipped, coarse, with spikes, in another unit, of another sign."""
+"""Readings of one channel: frozen, clipped, coarse, with spikes."""
 
 from typing import Final
 
@@ -105,7 +105,8 @@ def quantised(case: Case) -> list[Sign]:
         found.append(
             Sign(
                 repeats / _REPEATS,
-                f"{repeats:.0%} of its moving readings repeat the one before; it resolves {lsb:.3g}",
+                f"{repeats:.0%} of its moving readings repeat the one before; it "
+                f"resolves {lsb:.3g}",
                 channel=name,
             )
         )

@@ -62,7 +62,7 @@ def _spectra(case: Case) -> Spectra | None:
     standing = _powers(left, None, case.stands_still & known)
     if min(len(driving), len(standing)) < _FEWEST:
         return None
-    hz = np.fft.rfftfreq(_LENGTH, 1.0 / fit.motion.rate_hz)
+    hz = np.arange(_LENGTH // 2 + 1) * fit.motion.rate_hz / _LENGTH
     counts = (len(driving), len(standing))
     return Spectra(hz, np.mean(driving, axis=0), np.mean(standing, axis=0), counts)
 

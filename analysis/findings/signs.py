@@ -184,7 +184,7 @@ def _of_speed(case: Case) -> list[Sign]:
     gain = case.checks.get("acceleration_gain", np.nan)
     if not np.isfinite(gain) or gain <= 0.0:
         return []
-    own = {times: (ACC,) for times in _ACC_UNITS}
+    own = dict.fromkeys(_ACC_UNITS, (ACC,))
     of_speed = {1.0 / times: case.speed_channels for times in _SPEED_UNITS}
     named = {**_ACC_UNITS, **{1.0 / times: what for times, what in _SPEED_UNITS.items()}}
     out: list[Sign] = []
