@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import polars as pl
 
 from analysis.machine import Channel, Machine
 from analysis.run import Run
+from analysis.schema import values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from analysis.simulation.designs import Sections, drawn, joined
 from analysis.simulation.faults import Fault, with_fault
@@ -59,7 +61,7 @@ class Found:
     Attributes:
         causes: of the findings in their order, each with those it cannot be told from.
         mass_kg: of the answer, None where there is none.
-        pooled_kg: of the paper's estimate.
+        pooled_kg: of the paper's estimate by manoeuvre, in their mean.
         u_random_kg: what noise does to the answer.
         changes: what each finding claims: cause, kg, standard uncertainty.
         settings: keys and values of each finding that proposes any.
@@ -92,7 +94,7 @@ def design(seed: int, *, odd: bool) -> Sections:
     size = found["machine"]["mass_kg"] / 3614.0
     kinds: list[dict[str, dict[str, Any]]] = [
         {"starts": {"stick_share": float(dice.uniform(0.05, 0.3))}},
-        {"chassis": {"boom_kg": 200.0 * size}},
+        {"chassis": {"boom_kg": 50.0 * size}},
         {"campaign": {"valve_deadband_share": float(dice.uniform(0.0, 0.15))}},
         {"drivetrain": {"rotating_kg": 150.0 * size}},
         {"drivetrain": {"efficiency": float(dice.uniform(0.85, 1.0))}},
@@ -121,10 +123,21 @@ def own_machine(scenario: Scenario, overrides: Sequence[str], axes: Sequence[str
 
 def simulated(sections: Sections, faults: Sequence[tuple[Fault, float]]) -> list[SimulatedLog]:
     """The logs of a design with faults of a size each."""
-    whole = sections
-    for fault, size in faults:
-        whole = joined(whole, fault.sections(sections, size))
-    logs = list(simulate_campaign(Scenario.model_validate(whole)))
+    whole = joined(sections, *(fault.sections(sections, size) for fault, size in faults))
+    last = max((fault.last_runs for fault, _ in faults), default=0)
+    if not last:
+        logs = list(simulate_campaign(Scenario.model_validate(whole)))
+    else:
+        # the runs before it are another log of the same time line
+        campaign = whole["campaign"]
+        part = [fault.sections(sections, size) for fault, size in faults if not fault.last_runs]
+        before = {"campaign": {**campaign, "runs": campaign["runs"] - last}}
+        after = {"campaign": {**campaign, "runs": last}}
+        logs = list(simulate_campaign(Scenario.model_validate(joined(sections, *part, before))))
+        begin = int(logs[0].timeline.end_ns // 10**9) + 60
+        later = joined(whole, after, {"recorder": {"start_unix_s": begin}})
+        later["sensors"] = {**later["sensors"], "seed": later["sensors"]["seed"] + 500_000_000}
+        logs += list(simulate_campaign(Scenario.model_validate(later)))
     for fault, size in faults:
         logs = [with_fault(log, fault, size, sections["sensors"]["seed"]) for log in logs]
     return logs
@@ -154,14 +167,16 @@ def found(replay: Run) -> Found:
     """The findings of a run beside its masses."""
     rows = replay.frames["findings"].to_dicts()
     load = replay.frames["loads"].row(0, named=True)
-    pooled = replay.frames["masses"]["mass_kg"].to_list()
+    segments = replay.frames["segments"].filter(pl.col("mass_kg").is_finite())
+    mass_kg, std_kg = (values(segments, name) for name in ("mass_kg", "mass_std_kg"))
+    pooled = float(np.average(mass_kg, weights=std_kg**-2.0)) if mass_kg.size else None
     return Found(
         causes=tuple(
             (row["cause"], *(each for each in row["alternatives"].split(", ") if each))
             for row in rows
         ),
         mass_kg=load["mass_kg"],
-        pooled_kg=next(iter(pooled), None),
+        pooled_kg=pooled,
         u_random_kg=load["u_random_kg"],
         changes=tuple(
             (row["cause"], row["mass_change_kg"], row["mass_change_u_kg"])

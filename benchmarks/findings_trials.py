@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.simulation.designs import Sections
+from analysis.simulation.designs import Sections, joined
 from analysis.simulation.faults import FAULTS, Fault
 from benchmarks.findings_rows import AXES, Found, design, found, needed, replayed
 from estimators.errors import PayscopeError
@@ -90,13 +90,16 @@ def trials_of(fault: Fault, seed: int) -> list[Trial]:
     sections, without = base(seed, [fault]), clean(seed, [fault])
     if without.mass_kg is None or not without.u_random_kg:
         return []
-    if fault.largest is None:
-        return [
-            _trial([(fault, severity)], severity, seed, without, of)
-            for severity in SEVERITIES
-            if (of := tried(sections, [(fault, severity)])) is not None
-        ]
     out: list[Trial] = []
+    if fault.largest is None:
+        for severity in SEVERITIES:
+            if fault.ground is not None:
+                sections = joined(base(seed, [fault]), fault.ground(sections, severity))
+                without = found(replayed(sections))
+            of = tried(sections, [(fault, severity)])
+            if of is not None:
+                out.append(_trial([(fault, severity)], severity, seed, without, of))
+        return out
     size = min(_FIRST, fault.largest)
     for severity in reversed(SEVERITIES):
         size, of = _sized(fault, size, severity, sections, without)

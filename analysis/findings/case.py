@@ -14,6 +14,7 @@ from analysis.diagnosis.signals import Ints, Series
 from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.schema import values
+from analysis.weighing.equation import Equation
 from analysis.weighing.joint_result import JointFit
 from analysis.windows import windows_with
 
@@ -163,3 +164,12 @@ class Case:
             return float("nan"), float("nan")
         blocks = x[: count * size].reshape(count, size).mean(axis=1)
         return float(np.median(blocks)), 1.2533 * float(blocks.std(ddof=1)) / float(np.sqrt(count))
+
+    def mass_of_samples(self, motion: Equation) -> Floats:
+        """(n,) the mass that the joint fit has for the load of each sample, in kg."""
+        fit = self.fit
+        assert fit is not None
+        if fit.states is None or fit.count == 1:
+            return np.full(motion.force.size, fit.mass_kg)
+        place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
+        return fit.masses_kg[fit.states.of[place.clip(0, fit.states.unit.size - 1)]]

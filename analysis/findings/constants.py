@@ -5,15 +5,18 @@ driving tells their sum C = F₀ - m e + F_c. Brakes may hold a force at rest th
 and ground may slope under a log without pitch, so what rests shows need not be what drives.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
 
 import numpy as np
 
 from analysis.findings.case import ACC, Case
+from analysis.findings.motions import accelerated
+from analysis.findings.rows import Explained, force_system
 from analysis.forces import longitudinal_force
 from analysis.schema import values
+from analysis.weighing.equation import Equation
 
 #: Each cause more must explain so much (squared deviations) to be there.
 _A_CAUSE: Final = 9.0
@@ -32,20 +35,16 @@ class Constants:
     Attributes:
         rest_N: force at rest, and its deviation; NaN where it never stands.
         error_m_s2: of the accelerometer at rest, likewise.
-        coulomb_N: friction against the motion, likewise.
-        by_direction: whether starts both ways tell it.
         offset: whether the force at rest is there while it drives; None: the log cannot tell.
         tilt: likewise of the accelerometer's error.
-        coulomb: likewise of the friction.
+        motion: without those of them that act.
     """
 
     rest_N: tuple[float, float]
     error_m_s2: tuple[float, float]
-    coulomb_N: tuple[float, float]
-    by_direction: bool
     offset: bool | None
     tilt: bool | None
-    coulomb: bool | None
+    motion: Equation | None
 
 
 def has_pitch(case: Case) -> bool:
@@ -70,51 +69,53 @@ def constants(case: Case) -> Constants:
 
 
 def _explained(case: Case) -> Constants:
-    rest, rest_std = case.level_of(longitudinal_force(case.aligned, case.machine.machine))
-    error, error_std = np.nan, np.nan
+    rest = case.level_of(longitudinal_force(case.aligned, case.machine.machine))
+    error = np.nan, np.nan
     if ACC in case.aligned.columns:
-        error, error_std = case.level_of(values(case.aligned, ACC) - gravity(case))
-    fit = case.fit
-    if fit is None:
-        return Constants(
-            (rest, rest_std), (error, error_std), (np.nan, np.nan), False, None, None, None
-        )
-    names = [term.name for term in fit.terms]
-    found, stds = fit.posterior
-    const, std = float(found[names.index("const")]), float(stds[names.index("const")])
-    offset = abs(rest) > max(DEVIATIONS * rest_std, LEAST_SHARE * fit.motion.largest_force)
-    tilt = abs(error) > max(DEVIATIONS * error_std, LEAST_M_S2) and fit.motion.by_accelerometer
-    of_tilt = -fit.mass_kg * error
-    if "direction" in names:
-        place = names.index("direction")
-        coulomb = float(found[place]), float(stds[place])
-        way = 0.0
-    else:
-        way = float(np.median(fit.motion.direction[fit.motion.used]))
-        coulomb = np.nan, np.nan
+        error = case.level_of(values(case.aligned, ACC) - gravity(case))
+    fit, noise = case.fit, case.column_noise
+    if fit is None or noise is None or not np.isfinite(fit.theta).all():
+        return Constants(rest, error, None, None, None)
+    motion = fit.motion
+    offset = abs(rest[0]) > max(DEVIATIONS * rest[1], LEAST_SHARE * motion.largest_force)
+    tilt = abs(error[0]) > max(DEVIATIONS * error[1], LEAST_M_S2) and motion.by_accelerometer
     # with a pitch an error of the accelerometer is one, and acts
-    tilts = (False, True) if tilt and not has_pitch(case) else (tilt,)
+    tilts = (False, True) if tilt and not has_pitch(case) else (bool(tilt),)
     offsets = (False, True) if offset else (False,)
-    frictions = (False, True) if way else (False,)
-    cost: dict[tuple[bool, bool, bool], float] = {}
-    for of in product(offsets, tilts, frictions):
-        known = (
-            rest * of[0] + of_tilt * of[1]
-            if of[0] and of[1]
-            else (rest if of[0] else of_tilt if of[1] else 0.0)
+    friction = "direction" if motion.both_ways else "const"
+    way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
+    mass_kg, viscous = case.mass_of_samples(motion), max(fit.viscous, 0.0)
+    left: dict[tuple[bool, bool, bool], float] = {}
+    variances: list[float] = []
+    for acts, tilted in product(offsets, tilts):
+        system = force_system(
+            _without(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
-        left = const - known
-        if of[2]:
-            left = min(left * way, 0.0)
-        cost[of] = (left / std) ** 2 + _A_CAUSE * sum(of)
+        if system is None:
+            return Constants(rest, error, None, None, None)
+        own = Explained.of(system, ())
+        variances.append(own.variance)
+        left[acts, tilted, False] = own.square_left * own.variance
+        square = own.square(friction)
+        if square > 0.0 and own.product(friction) * way > 0.0:
+            gain = own.product(friction) ** 2 / square
+            left[acts, tilted, True] = (own.square_left - gain) * own.variance
+    cost = {of: each / min(variances) + _A_CAUSE * sum(of) for of, each in left.items()}
     best = min(cost, key=lambda each: cost[each])
-    if way:
-        known = (rest if best[0] else 0.0) + (of_tilt if best[1] else 0.0)
-        coulomb = (const - known) * way, std
-    said = [_said(cost, best, place) for place in range(3)]
+    of_rest, of_error = (rest[0] if best[0] else 0.0), (error[0] if best[1] else 0.0)
     return Constants(
-        (rest, rest_std), (error, error_std), coulomb, not way, said[0], said[1], said[2]
+        rest,
+        error,
+        _said(cost, best, 0),
+        _said(cost, best, 1),
+        _without(motion, of_rest, of_error),
     )
+
+
+def _without(motion: Equation, rest_N: float, error_m_s2: float) -> Equation:
+    if rest_N:
+        motion = replace(motion, force=motion.force - rest_N)
+    return accelerated(motion, lambda x: x - error_m_s2) if error_m_s2 else motion
 
 
 def _said(

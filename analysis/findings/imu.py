@@ -9,6 +9,7 @@ from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
 from analysis.findings.constants import DEVIATIONS, LEAST_M_S2, constants, gravity, has_pitch
 from analysis.findings.mending import mended
+from analysis.findings.motions import accelerated
 from analysis.phases import beside_speed_rate
 from analysis.schema import values
 from analysis.units import to_si
@@ -17,7 +18,7 @@ from analysis.weighing.equation import Equation
 #: A yaw of less is mounting, not misalignment.
 _LEAST_YAW_RAD: Final = 0.03
 #: Of the wheels' acceleration an accelerometer that sees less is low-passed,
-_ATTENUATED: Final = 0.75
+_ATTENUATED: Final = 0.6
 #: one that sees less of gravity at standstill has none.
 _GRAVITY: Final = 0.5
 #: An angle whose gravity is to be missed.
@@ -60,7 +61,9 @@ def _tilt(case: Case) -> list[Sign]:
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
             change=lambda: mended(
-                case, lambda motion: _raised(motion, -error), min(std / abs(error), 1.0)
+                case,
+                lambda motion: accelerated(motion, lambda x: x - error),
+                min(std / abs(error), 1.0),
             ),
             alternatives=others,
         )
@@ -99,7 +102,7 @@ def _yaw(case: Case) -> list[Sign]:
             value=f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}",
             change=lambda: mended(
                 case,
-                lambda motion: _longer(motion, 1.0 / np.cos(angle)),
+                lambda motion: accelerated(motion, lambda x: x / np.cos(angle)),
                 min(2.0 * std / abs(angle), 1.0),
             ),
         )
@@ -169,27 +172,3 @@ def _raw(case: Case, error: float) -> float:
     if channel.unit is None:
         return error
     return error / to_si(channel.unit, "m/s²")[0]
-
-
-def _raised(motion: Equation, by: float) -> Equation:
-    """The motion with another zero of the accelerometer."""
-    measured, level = motion.specific_force, motion.without_gravity
-    return replace(
-        motion,
-        acceleration=motion.acceleration + by if motion.by_accelerometer else motion.acceleration,
-        specific_force=None if measured is None else measured + by,
-        without_gravity=None if level is None else level + by,
-    )
-
-
-def _longer(motion: Equation, times: float) -> Equation:
-    """The motion with another gain of the accelerometer."""
-    measured, level = motion.specific_force, motion.without_gravity
-    return replace(
-        motion,
-        acceleration=motion.acceleration * times
-        if motion.by_accelerometer
-        else motion.acceleration,
-        specific_force=None if measured is None else measured * times,
-        without_gravity=None if level is None else level * times,
-    )

@@ -8,6 +8,7 @@ import numpy as np
 from analysis.findings.case import Case
 from analysis.findings.cause import Change, Sign
 from analysis.findings.constants import DEVIATIONS, LEAST_SHARE, constants
+from analysis.findings.likelihood import Pick, picks
 from analysis.findings.mending import mended
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.units import to_si
@@ -15,10 +16,8 @@ from analysis.weighing.equation import Equation
 
 #: So many deviations a term of the fit must be from 0.
 _TERM: Final = 4.5
-#: Wheels against accelerometer: so many deviations, and this share.
-_GAIN_DEVIATIONS: Final = 4.5
-_LEAST_GAIN: Final = 0.01
-_CURVED: Final = 6.0
+#: No accelerometer's scale is trusted to less.
+_LEAST_GAIN: Final = 0.005
 #: An answer whose standard uncertainty is this share of it has too little to go by.
 _POOR: Final = 0.05
 #: Share of the mass that priors alone leave open where regressors go together.
@@ -29,19 +28,16 @@ _BRAKING: Final = 1.5
 
 def wheel_radius(case: Case) -> list[Sign]:
     """The wheels' speed against the accelerometer's: a radius is in the force as well."""
-    wheels = None if case.fit is None else case.fit.kinematics
-    if wheels is None or not wheels.goes_together:
+    pick = picks(case).get("wheel_radius")
+    if pick is None:
         return []
-    gain, std = wheels.gain
-    if not std > 0.0:  # by the pitch: a body that squats, whose wheels are as they are said
-        return []
-    strength = abs(gain) / max(_GAIN_DEVIATIONS * std, _LEAST_GAIN)
+    gain, std = pick.value, pick.std
     body = case.machine.machine
+    torques = bool(case.measured("torque_left_N_m", "torque_right_N_m"))
     setting, value = [], []
-    if body.wheel_radius_m is not None:
+    if body.wheel_radius_m is not None and torques:
         setting, value = ["machine.wheel_radius_m"], [f"{body.wheel_radius_m / (1.0 + gain):.5g}"]
     keys, scales = case.scaled(case.speed_channels, 1.0 / (1.0 + gain))
-    torques = bool(case.measured("torque_left_N_m", "torque_right_N_m"))
 
     def larger(motion: Equation) -> Equation:
         force = motion.force * (1.0 + gain) if torques else motion.force
@@ -49,15 +45,24 @@ def wheel_radius(case: Case) -> list[Sign]:
 
     return [
         Sign(
-            strength,
+            min(float(np.sqrt(pick.gain)) / _TERM, abs(gain) / _LEAST_GAIN),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
             "says: their radius, or the accelerometer's scale",
             channel=next(iter(case.speed_channels), None),
             setting=", ".join([*setting, *([keys] if keys else [])]) or None,
             value=", ".join([*value, *([scales] if keys else [])]) or None,
             change=lambda: mended(case, larger, min(std / abs(gain), 1.0)),
+            alternatives=_others(pick),
         )
     ]
+
+
+def _others(pick: Pick) -> tuple[str, ...]:
+    """Keys of the causes that this log does not tell from one."""
+    keys = {"const": "coulomb", "direction": "coulomb"}
+    own = keys.get(pick.name, pick.name.partition(":")[0])
+    named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
+    return tuple(key for key in dict.fromkeys(named) if key != own)
 
 
 def offset(case: Case) -> list[Sign]:
@@ -84,7 +89,7 @@ def offset(case: Case) -> list[Sign]:
                 lambda motion: replace(motion, force=motion.force - rest),
                 min(std / abs(rest), 1.0),
             ),
-            alternatives=() if seen.offset else ("coulomb", "imu_misaligned"),
+            alternatives=() if seen.offset else ("coulomb",),
         )
     ]
 
@@ -117,61 +122,79 @@ def _constant_alone(case: Case) -> list[Sign]:
 
 def coulomb(case: Case) -> list[Sign]:
     """A force against the motion that does not depend on it."""
-    seen = constants(case)
-    force, std = seen.coulomb_N
-    if not force > 0.0 or (seen.coulomb is False and not seen.by_direction):
+    fit, found = case.fit, picks(case)
+    if fit is None:
         return []
-    sure = seen.by_direction or bool(seen.coulomb)
+    motion = fit.motion
+    name = "direction" if motion.both_ways else "const"
+    way = 1.0 if motion.both_ways else float(np.median(motion.direction[motion.used]))
+    pick = found.get(name)
+    if pick is None or pick.value * way <= 0.0:
+        return []
+    force = pick.value * way
+    prior = "direction_share" if motion.both_ways else "const_share"
+    share = max(getattr(case.machine.settings.priors, prior), force / motion.largest_force)
+    seen = constants(case)
+    unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Sign(
-            force / (_TERM * std),
-            f"{force:.0f} ± {std:.0f} N oppose the motion at any speed",
-            setting="settings.forces.coulomb",
-            value="true",
-            # the answer's fit has the term: only the paper's estimates gain it
-            change=lambda: _none(case),
-            alternatives=() if sure else ("offset", "imu_misaligned", "imu_bias"),
+            min(float(np.sqrt(pick.gain)) / _TERM, force / (0.004 * motion.largest_force)),
+            f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
+            setting=f"settings.forces.coulomb, settings.priors.{prior}",
+            value=f"true, {share:.3f}",
+            change=lambda: mended(
+                case,
+                lambda motion: replace(motion, force=motion.force - force * motion.direction),
+                min(pick.std / force, 1.0),
+            ),
+            alternatives=tuple(dict.fromkeys((*_others(pick), *unknown))),
         )
     ]
 
 
 def _none(case: Case) -> Change | None:
     fit = case.fit
-    return None if fit is None else Change(0.0, 0.3 * fit.u_kg)
+    return None if fit is None else Change(0.0, 0.5 * fit.u_kg)
 
 
 def slip(case: Case) -> list[Sign]:
-    """Wheels that turn faster than the ground under force, by the accelerometer."""
-    wheels = None if case.fit is None else case.fit.kinematics
-    if wheels is None or case.fit is None or not wheels.goes_together:
+    """Wheels that turn faster than the ground under force."""
+    pick, fit = picks(case).get("slip"), case.fit
+    if pick is None or fit is None or pick.value <= 0.0:
         return []
-    slip_1_N, std = wheels.slip_1_N
-    if slip_1_N <= 0.0:
-        return []
-    at = slip_1_N * case.fit.motion.largest_force
+    at = pick.value * fit.motion.largest_force
     return [
         Sign(
-            slip_1_N / (_TERM * std),
-            f"the wheels slip by {at:.2%} ± {at * std / slip_1_N:.2%} of their speed at full force",
+            min(float(np.sqrt(pick.gain)) / _TERM, at / 0.005),
+            f"the wheels slip by {at:.2%} ± {at * pick.std / pick.value:.2%} of their speed at "
+            "full force",
             channel=next(iter(case.speed_channels), None),
             change=lambda: _none(case),
+            alternatives=_others(pick),
         )
     ]
 
 
 def driveline(case: Case) -> list[Sign]:
     """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
-    weighing, fit = case.evidence.weighing, case.fit
-    if weighing is None or fit is None:
+    pick = picks(case).get("driveline")
+    if pick is None:
         return []
-    bends = weighing.curvature
-    strength = abs(bends.t) / _CURVED
-    said = f"a force in a·|a| is {bends.t:+.1f} deviations from 0"
-    if "load_transfer" in fit.terms_t:
-        t = fit.terms_t["load_transfer"]
-        said += f", the measured wheels' share changes by {t:.1f}"
-        strength = max(strength, t / _CURVED)
-    return [Sign(strength, said, channel=case.force_channel)]
+    return [
+        Sign(
+            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.002),
+            f"the measured share of the force changes by {pick.value:+.2%} ± {pick.std:.2%} a m/s²",
+            channel=case.force_channel,
+            change=lambda: mended(
+                case,
+                lambda motion: replace(
+                    motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
+                ),
+                min(2.0 * pick.std / abs(pick.value), 1.0),
+            ),
+            alternatives=_others(pick),
+        )
+    ]
 
 
 def too_little(case: Case) -> list[Sign]:

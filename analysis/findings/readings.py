@@ -17,6 +17,9 @@ _FROZEN_S: Final = 0.3
 _CLIPPED: Final = 0.001
 #: Share of moving readings that repeat the one before: noise is below the resolution.
 _REPEATS: Final = 0.1
+#: Share of the steps that are multiples of the least one; fewer steps tell nothing.
+_WHOLE: Final = 0.95
+_FEWEST: Final = 200
 #: A reading is a spike so many deviations of its neighbourhood from both neighbours,
 _SPIKE: Final = 8.0
 #: which agree within this share of that.
@@ -32,7 +35,10 @@ def frozen(case: Case) -> list[Sign]:
     signals = case.evidence.signals
     if signals is None:
         return []
-    of_channel = {name: spans for name, spans in signals.frozen.items() if spans}
+    # a coarse channel repeats itself while the machine moves steadily
+    of_channel = {
+        name: spans for name, spans in signals.frozen.items() if spans and not _coarse(case, name)
+    }
     if not of_channel:
         return []
     total_s = {name: sum(e - b for b, e in spans) / 1e9 for name, spans in of_channel.items()}
@@ -86,21 +92,9 @@ def saturated(case: Case) -> list[Sign]:
 def quantised(case: Case) -> list[Sign]:
     """Moving readings that repeat the one before: the noise is below the resolution."""
     found: list[Sign] = []
-    frozen = {} if case.evidence.signals is None else case.evidence.signals.frozen
     for name in case.needed:
-        t, x = case.series[name]
-        moving = case.moves_at(t)
-        steps = np.diff(x)[moving[1:] & (x[1:] != 0.0)]
-        if steps.size < 200 or frozen.get(name):
-            continue
-        repeats = float((steps == 0.0).mean())
-        sizes = np.abs(steps[steps != 0.0])
-        if not sizes.size:
-            continue
-        lsb = float(np.min(sizes))
-        # steps that are no multiples of the least one are of a channel that only holds its value
-        whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
-        if whole < 0.95:
+        repeats, lsb = _steps(case, name)
+        if not lsb:
             continue
         found.append(
             Sign(
@@ -111,6 +105,31 @@ def quantised(case: Case) -> list[Sign]:
             )
         )
     return _largest(found)
+
+
+def _steps(case: Case, name: str) -> tuple[float, float]:
+    """The share of moving readings that repeat the one before, and what all steps are multiples of.
+
+    0 where they are no multiples: then a channel holds its value, but resolves more.
+    """
+    key = f"steps {name}"
+    if key not in case.kept:
+        t, x = case.series[name]
+        steps = np.diff(x)[case.moves_at(t)[1:] & (x[1:] != 0.0)]
+        sizes = np.abs(steps[steps != 0.0])
+        case.kept[key] = 0.0, 0.0
+        if steps.size >= _FEWEST and sizes.size:
+            lsb = float(np.min(sizes))
+            whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
+            repeats = float((steps == 0.0).mean())
+            case.kept[key] = repeats, lsb if whole > _WHOLE else 0.0
+    return case.kept[key]  # type: ignore[return-value]
+
+
+def _coarse(case: Case, name: str) -> bool:
+    """Whether what repeats is the resolution."""
+    repeats, lsb = _steps(case, name)
+    return bool(lsb) and repeats > _REPEATS
 
 
 def spikes(case: Case) -> list[Sign]:

@@ -24,9 +24,9 @@ _SWINGS_HZ: Final = (1.5, 25.0)
 _SLOW_HZ: Final = 1.2
 _FAST_HZ: Final = (3.0, 10.0)
 #: Ratios of power that chance and resampling stay below.
-_PEAK: Final = 6.0
-_UNEVEN: Final = 3.0
-_COLOURED: Final = 4.0
+_PEAK: Final = 4.0
+_UNEVEN: Final = 2.0
+_COLOURED: Final = 2.2
 
 
 class Spectra(NamedTuple):

@@ -76,9 +76,8 @@ def clock_jump(case: Case) -> list[Sign]:
         if level is None:
             continue
         at, jump_s, left_s = _step(level)
-        drift_s = abs(float(level[-1] - level[0]))
         # a clock that drifts has no one step
-        if abs(jump_s) < 0.5 * drift_s and left_s > std_s:
+        if left_s > _off_line(level):
             continue
         strength = abs(jump_s) / max(_JUMP_DEVIATIONS * std_s, _JUMP_S)
         place = at * log.size // _PARTS
@@ -163,6 +162,12 @@ def _step(level: Floats) -> tuple[int, float, float]:
     at = int(np.argmax(gain)) + 1
     left = np.concatenate([level[:at] - level[:at].mean(), level[at:] - level[at:].mean()])
     return at, float(after[at - 1] - before[at - 1]), float(np.std(left))
+
+
+def _off_line(level: Floats) -> float:
+    """What a line leaves of its scatter."""
+    x = np.arange(level.size, dtype=np.float64)
+    return float(np.std(level - np.polyval(np.polyfit(x, level, 1), x)))
 
 
 def _largest(found: list[Sign]) -> list[Sign]:

@@ -68,14 +68,14 @@ CAUSES: Final = (
         "single readings are far off",
         "nothing more",
         readings.spikes,
-        explains=_OF_RESIDUALS,
+        explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
     ),
     Cause(
         "quantised",
         "a channel resolves less than its noise",
         "motion",
         readings.quantised,
-        explains=_OF_RESIDUALS,
+        explains=("delay", "wheel_radius", "slip", *_OF_RESIDUALS),
     ),
     Cause(
         "clock_jump",
@@ -97,7 +97,7 @@ CAUSES: Final = (
         "a topic is sampled, or stamped, unevenly",
         "nothing more",
         stamps.irregular,
-        explains=_OF_RESIDUALS,
+        explains=("gaps", "spikes", "frozen", "clock_jump", "clock_drift", *_OF_FIT),
     ),
     Cause(
         "imu_misaligned",
@@ -112,7 +112,7 @@ CAUSES: Final = (
         "the ground slopes, and the acceleration has no gravity in it",
         f"the pitch, {_STILL}, and the accelerometer's z axis",
         imu.slope,
-        explains=("coulomb", "imu_misaligned", "offset"),
+        explains=("imu_misaligned", "offset", *_OF_FIT),
     ),
     Cause(
         "offset",
@@ -126,7 +126,7 @@ CAUSES: Final = (
         "a channel's stamps are late or early against the others",
         f"{_START} whose force changes; {_BOTH} to tell which",
         timing.delays,
-        explains=_OF_RESIDUALS,
+        explains=("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
     ),
     Cause(
         "imu_low_passed",
@@ -195,6 +195,7 @@ CAUSES: Final = (
         "the noise is slow, so that samples say less than they are",
         _STILL,
         residuals.coloured,
+        explains=("external_force", "load_changed_inside", "too_little_excitation"),
     ),
     Cause(
         "too_little_excitation",

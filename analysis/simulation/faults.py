@@ -40,6 +40,8 @@ class Fault:
         sections: of the scenario, by the design and the size.
         topics: what it makes of the topics, by the size and dice.
         needs: sections of the scenario that it is seen in.
+        ground: sections by the size that a log without the fault has as well.
+        last_runs: how many runs have it; 0: all.
         overrides: of the machine file, likewise.
         largest: no size beyond this is a fault that still drives; None where size bends no mass,
             and the sizes 1, 3 and 10 of it are as they are said.
@@ -52,6 +54,8 @@ class Fault:
     sections: Callable[[Sections, float], Sections] = _unchanged
     topics: Callable[[Frames, float, np.random.Generator], Frames] = _same
     needs: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    ground: Callable[[Sections, float], Sections] | None = None
+    last_runs: int = 0
     overrides: tuple[str, ...] = ()
     largest: float | None = None
 
@@ -117,7 +121,7 @@ def _brakes(_: Sections, size: float) -> Sections:
 
 
 def _uphill(_: Sections, size: float) -> Sections:
-    return {"terrain": {"slope_deg": size}, "defects": {"acc_without_gravity": True}}
+    return {"terrain": {"slope_deg": 0.5 * size}}
 
 
 def _times(topic: str, names: tuple[str, ...], of: Callable[[float], float]) -> Any:
@@ -158,7 +162,7 @@ def _uneven(frames: Frames, size: float, dice: np.random.Generator) -> Frames:
 def _jittered(frame: pl.DataFrame, size: float, dice: np.random.Generator) -> pl.Series:
     stamps = frame["header_stamp_ns"].to_numpy()
     period = float(np.median(np.diff(stamps)))
-    off = dice.uniform(-0.5, 0.5, stamps.size) * min(0.8 * size, 4.0) * period
+    off = dice.uniform(-0.5, 0.5, stamps.size) * min(0.3 * size, 3.0) * period
     return pl.Series("header_stamp_ns", stamps + np.rint(off).astype(np.int64))
 
 
@@ -198,6 +202,7 @@ def _rectified(frames: Frames, _: float, __: np.random.Generator) -> Frames:
 
 
 _BOTH_WAYS: Final = {"starts": {"directions": "alternating"}}
+_THROTTLES: Final = {"starts": {"throttle_least": 0.4}}
 _TURNS: Final = {"starts": {"turn_rad_s": 0.04, "scrub_N_s_rad": 0.0}}
 _INCLUDED: Final = ("settings.gate.exclude_braking=false",)
 
@@ -285,7 +290,7 @@ FAULTS: Final = (
     ),
     Fault("gaps in the force", ("gaps",), "4 of 0.2 s", topics=_holes),
     Fault(
-        "uneven stamps", ("irregular_sampling",), "uniform over 80 % of a period", topics=_uneven
+        "uneven stamps", ("irregular_sampling",), "uniform over 30 % of a period", topics=_uneven
     ),
     Fault(
         "IMU tilted", ("imu_misaligned",), "0.2°", _keys("defects", acc_tilt_deg=0.2), largest=100.0
@@ -301,14 +306,20 @@ FAULTS: Final = (
         _keys("defects", imu_lag_s=0.02),
         largest=25.0,
     ),
-    Fault("slope, no gravity", ("slope",), "1°", _uphill, largest=6.0),
-    Fault("slip", ("slip",), "80 kN at 6 kN", _slip, largest=4.0),
+    Fault(
+        "slope, no gravity",
+        ("slope",),
+        "0.5°",
+        lambda _, __: {"defects": {"acc_without_gravity": True}},
+        ground=_uphill,
+    ),
+    Fault("slip", ("slip",), "80 kN at 6 kN", _slip, needs=_THROTTLES, largest=2.5),
     Fault(
         "load transfer",
         ("driveline",),
         "0.02 a m/s²",
         _keys("defects", force_share_s2_m=0.02),
-        needs={"machine": {"force_share": 0.5}},
+        needs={"machine": {"force_share": 0.5}, **_THROTTLES},
         largest=8.0,
     ),
     Fault(
@@ -316,6 +327,7 @@ FAULTS: Final = (
         ("coulomb",),
         "60 N of 6 kN",
         _of_force("machine", coulomb_N=60.0),
+        needs=_THROTTLES,
         largest=25.0,
     ),
     Fault(
@@ -334,7 +346,13 @@ FAULTS: Final = (
         largest=10.0,
     ),
     Fault("a pile", ("external_force",), "30 % of the throttle", _pile),
-    Fault("a bucket that fills", ("load_changed_inside",), "50 kg/s", _fills, largest=20.0),
+    Fault(
+        "a bucket that fills",
+        ("load_changed_inside",),
+        "50 kg/s in two starts",
+        _fills,
+        last_runs=2,
+    ),
     Fault(
         "slow noise",
         ("coloured_residuals",),
