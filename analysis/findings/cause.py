@@ -52,7 +52,7 @@ class Cause:
         key: its name in the frame `findings`.
         says: what it is, in a sentence.
         needs: what a log must hold for it to be seen at all, in a sentence.
-        find: looks for it; None where the log does not hold that, or shows nothing.
+        find: looks for it, channel by channel; nothing where the log does not hold that.
         withholds: whether a mass under it is worth nothing.
         explains: causes that are seen where it is, and stand behind it.
     """
@@ -60,6 +60,6 @@ class Cause:
     key: str
     says: str
     needs: str
-    find: Callable[[Case], Sign | None]
+    find: Callable[[Case], list[Sign]]
     withholds: bool = False
     explains: tuple[str, ...] = ()

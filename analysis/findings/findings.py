@@ -2,6 +2,7 @@
 
 from typing import Final
 
+import numpy as np
 import polars as pl
 
 from analysis.findings.case import Case
@@ -22,16 +23,22 @@ def findings(case: Case) -> pl.DataFrame:
     Returns:
         `findings`: a row a cause that shows, those that another one explains behind it.
     """
-    found = {cause: sign for cause in CAUSES if (sign := cause.find(case)) is not None}
-    shown = {cause: sign for cause, sign in found.items() if sign.strength >= 1.0}
-    explained = {key for cause in shown for key in cause.explains}
-    ranked = sorted(shown, key=lambda cause: (cause.key in explained, -shown[cause].strength))
-    rows = [_row(rank, cause, shown[cause], case) for rank, cause in enumerate(ranked, 1)]
+    shown = [(cause, sign) for cause, sign in suspected(case) if sign.strength >= 1.0]
+    explained = {key for cause, _ in shown for key in cause.explains}
+    shown.sort(key=lambda each: (each[0].key in explained, -each[1].strength))
+    rows = [_row(rank, cause, sign, case) for rank, (cause, sign) in enumerate(shown, 1)]
     columns = frame_schema("findings").columns
     return build(
         "findings",
         {c.name: pl.Series([row[c.name] for row in rows], dtype=c.dtype) for c in columns},
     )
+
+
+def suspected(case: Case) -> list[tuple[Cause, Sign]]:
+    """What the log shows of every cause, whether chance does as much or not."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = [(cause, sign) for cause in CAUSES for sign in cause.find(case)]
+    return [(cause, sign) for cause, sign in found if np.isfinite(sign.strength)]
 
 
 def _row(rank: int, cause: Cause, sign: Sign, case: Case) -> dict[str, object]:
