@@ -6,6 +6,7 @@ folders is named when an import fails.
 """
 
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
@@ -16,6 +17,15 @@ _PACKAGES = ("estimators", "analysis", "recordings", "replay")
 
 def main() -> None:
     """Run the command line, unless another distribution stands in the place of our packages."""
+    _run("replay.commands.cli")
+
+
+def importer() -> None:
+    """Run the importer of the Rerun viewer, likewise."""
+    _run("replay.commands.importer")
+
+
+def _run(module: str) -> None:
     for name in _PACKAGES:
         found = find_spec(name)
         if found is None or found.origin is None:
@@ -29,9 +39,7 @@ def main() -> None:
                 "PYTHONPATH, or start from another folder"
             )
     try:
-        from replay.commands.cli import main
-
-        main()
+        import_module(module).main()
     except ImportError as error:
         package = (error.name or "").partition(".")[0]
         if package not in _PACKAGES:

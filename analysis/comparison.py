@@ -6,8 +6,10 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.machine import Machine
 from analysis.regressor import X, Z
 from analysis.run import Provenance, Run
+from analysis.settings import Settings
 from analysis.stage_change import Replay, StageChange, family, stage_change
 
 #: Estimates and their standard deviations, by the frame that holds them.
@@ -165,15 +167,23 @@ def _values(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[Changed]:
             yield Changed(name, a.get(name), b.get(name))
 
 
+def changed_settings(a: Machine, b: Machine) -> list[Changed]:
+    """Settings and keys of two machine files that differ."""
+    flat: list[dict[str, Any]] = []
+    for machine in (a, b):
+        plain = machine.model_dump(mode="json")
+        del plain["settings"]
+        flat.append(_keys(machine.settings, plain))
+    return list(_values(flat[0], flat[1]))
+
+
+def _keys(settings: Settings, machine: Mapping[str, Any]) -> dict[str, Any]:
+    by_stage = {f"settings.{name}": value for name, value in settings.flat().items()}
+    return {**by_stage, **dict(_flat(machine, ""))}
+
+
 def _settings(a: Provenance, b: Provenance) -> Iterator[Changed]:
-    flat = [
-        {
-            **{f"settings.{name}": value for name, value in about.settings.flat().items()},
-            **dict(_flat(about.machine, "")),
-        }
-        for about in (a, b)
-    ]
-    yield from _values(flat[0], flat[1])
+    yield from _values(_keys(a.settings, a.machine), _keys(b.settings, b.machine))
 
 
 def _inputs(a: Provenance, b: Provenance) -> Iterator[Changed]:

@@ -1,15 +1,16 @@
 """The layout that a recording opens in: the tabs of the table, without what this run lacks."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
 from analysis.run import Run
 from recordings import colours
-from recordings.display import ROOT, Drawn, axis_range, drawn_of
+from recordings.display import ROOT, Drawn, axis_range, drawn_of, span_ns
 from recordings.stored import entity_path
-from recordings.table import TABS, TIME, Kind, Tab, View, component
+from recordings.table import TABS, TIME, Kind, component
 from recordings.texts import texts
 
 if TYPE_CHECKING:
@@ -19,6 +20,40 @@ if TYPE_CHECKING:
     from rerun.encodings import EntityPathLike
 
 _LANE_SHARE: Final = 0.9
+#: Room for legends behind the log, as a share of it; a panel beside a text is narrower.
+_ROOM: Final = 0.18
+_BESIDE: Final = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One view as it is drawn: its series, and where the bulk of its numbers lies."""
+
+    title: str
+    kind: Kind
+    drawn: tuple[Drawn, ...]
+    bulk: tuple[float, float] | None = None
+
+    @property
+    def has_legend(self) -> bool:
+        """Whether its lines need names; extremes of one line do not."""
+        return self.kind is not Kind.STATES and sum(not each.faint for each in self.drawn) > 1
+
+    @property
+    def share(self) -> float:
+        """Its height, where that of a plot is 1."""
+        if self.kind is not Kind.STATES:
+            return 1.0
+        return max(_LANE_SHARE, 0.4 * len(self.drawn))
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One tab as it is drawn: panels from top to bottom, texts beside them."""
+
+    name: str
+    panels: tuple[Panel, ...] = ()
+    texts: tuple[str, ...] = ()
 
 
 def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
@@ -28,9 +63,38 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
         run: the run.
         shown: its `display_frames`.
     """
+    written = texts(run)
+    pages = [
+        Page(
+            tab.name,
+            tuple(
+                Panel(view.title, view.kind, drawn, axis_range(view, run))
+                for view in tab.views
+                if (drawn := drawn_of(view, run, shown))
+            ),
+            tuple(name for name in tab.texts if name in written),
+        )
+        for tab in TABS
+    ]
+    return laid_out(pages, unix_span_ns(run))
+
+
+def unix_span_ns(run: Run) -> tuple[int, int] | None:
+    """The first and last unix time of a run's grid; None where it has none."""
+    span, t0_ns = span_ns(run), run.provenance.t0_unix_ns
+    return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
+
+
+def laid_out(pages: Sequence[Page], span: tuple[int, int] | None) -> "rrb.Blueprint":
+    """Lay out pages as tabs, the first one open; an empty one is left out.
+
+    Args:
+        pages: the pages.
+        span: unix times in ns that are in view; None: all there is.
+    """
     import rerun.blueprint as rrb
 
-    tabs = [laid_out for tab in TABS if (laid_out := _tab(tab, run, shown)) is not None]
+    tabs = [tab for page in pages if (tab := _tab(page, span)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
@@ -46,51 +110,59 @@ def text_entity(name: str) -> str:
     return entity_path(f"{ROOT}/text/{name}")
 
 
-def _tab(tab: Tab, run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Container | None":
+def _tab(page: Page, span: tuple[int, int] | None) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
-    plots, shares = list[rrb.View](), list[float]()
-    for view in tab.views:
-        drawn = drawn_of(view, run, shown)
-        if drawn:
-            plots.append(_view(view, drawn, run))
-            shares.append(_LANE_SHARE if view.kind is Kind.STATES else 1.0)
+    beside = bool(page.texts)
+    room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
+    plots = [_view(panel, _axis(span, room)) for panel in page.panels]
+    shares = [panel.share for panel in page.panels]
     documents = [
         rrb.TextDocumentView(origin=text_entity(name), name=name.capitalize())
-        for name in tab.texts
-        if name in texts(run)
+        for name in page.texts
     ]
     if plots and documents:
         column = rrb.Vertical(*plots, row_shares=shares)
-        return rrb.Horizontal(*documents, column, column_shares=[2, 3], name=tab.name)
+        return rrb.Horizontal(*documents, column, column_shares=[2, 3], name=page.name)
     if plots:
-        return rrb.Vertical(*plots, row_shares=shares, name=tab.name)
-    return rrb.Horizontal(*documents, name=tab.name) if documents else None
+        return rrb.Vertical(*plots, row_shares=shares, name=page.name)
+    return rrb.Horizontal(*documents, name=page.name) if documents else None
 
 
-def _view(view: View, drawn: tuple[Drawn, ...], run: Run) -> "rrb.View":
+def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
+    """The whole log, with room behind it, as a share of it, for legends that would cover data."""
     import rerun.blueprint as rrb
     from rerun.encodings import TimeRange, TimeRangeBoundary
 
-    whole = TimeRange(start=TimeRangeBoundary.infinite(), end=TimeRangeBoundary.infinite())
-    axis = rrb.TimeAxis(view_range=whole)
-    overrides: dict[EntityPathLike, list[Visualizer]] = {}
-    for each in drawn:
-        overrides.setdefault(entity_path(each.frame), []).extend(_visualizers(view.kind, each))
-    contents = [str(entity) for entity in overrides]
-    if view.kind is Kind.STATES:
-        return rrb.StateTimelineView(
-            name=view.title, contents=contents, overrides=overrides, time_view=axis
+    if span is None or not room:
+        ends = TimeRangeBoundary.infinite(), TimeRangeBoundary.infinite()
+    else:
+        begin, end = span
+        ends = (
+            TimeRangeBoundary.absolute(nanos=begin),
+            TimeRangeBoundary.absolute(nanos=end + round(room * (end - begin))),
         )
-    bulk = axis_range(view, run)
+    return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
+
+
+def _view(panel: Panel, axis: "rrb.TimeAxis") -> "rrb.View":
+    import rerun.blueprint as rrb
+
+    overrides: dict[EntityPathLike, list[Visualizer]] = {}
+    for each in panel.drawn:
+        overrides.setdefault(entity_path(each.frame), []).extend(_visualizers(panel.kind, each))
+    contents = [str(entity) for entity in overrides]
+    if panel.kind is Kind.STATES:
+        return rrb.StateTimelineView(
+            name=panel.title, contents=contents, overrides=overrides, time_view=axis
+        )
     return rrb.TimeSeriesView(
-        name=view.title,
+        name=panel.title,
         contents=contents,
         overrides=overrides,
         axis_x=axis,
-        axis_y=rrb.ScalarAxis(range=bulk) if bulk is not None else None,
-        # extremes of one line need no legend
-        plot_legend=rrb.PlotLegend(visible=sum(not each.faint for each in drawn) > 1),
+        axis_y=rrb.ScalarAxis(range=panel.bulk) if panel.bulk is not None else None,
+        plot_legend=rrb.PlotLegend("RightTop", visible=panel.has_legend),
     )
 
 
@@ -113,7 +185,7 @@ def _visualizers(kind: Kind, drawn: Drawn) -> "Iterator[Visualizer]":
         variances = _mapping("Measurements:variances", drawn.variance)
         yield band.visualizer(mappings=[values, variances])
     else:
-        width = 0.7 if drawn.faint else 1.5
+        width = 0.7 if drawn.faint else 3.5 if drawn.wide else 1.5
         line = rr.SeriesLines(
             names=drawn.label,
             colors=colour,

@@ -11,6 +11,8 @@ _METHODS: Final = tuple(METHODS)
 _GOOD: Final = "#2e9e5b"
 _QUIET: Final = "#7f8c8d"
 _BAD: Final = "#c0392b"
+#: Of a state without a colour of its own.
+OTHER: Final = "#b8bfc6"
 #: The states of a lane that a plot shades behind its lines.
 SHADED: Final[dict[str, tuple[str, ...]]] = {
     "gate": ("accepted",),
@@ -18,7 +20,7 @@ SHADED: Final[dict[str, tuple[str, ...]]] = {
 }
 STATES: Final[dict[str, str]] = {
     "standstill": _QUIET,
-    "accelerating": _GOOD,
+    "accelerating": "#66bb6a",
     "cruising": "#3d7ea6",
     "braking": _BAD,
     "spinning": "#8e44ad",
@@ -28,7 +30,7 @@ STATES: Final[dict[str, str]] = {
     "warming_up": "#95a5a6",
     "gap": "#5d4037",
     "no_variance": "#607d8b",
-    "low_information": "#3d7ea6",
+    "low_information": "#5c7cfa",
     "negative_dependence": "#6c5ce7",
     "translating": "#b38600",
     "saturated": "#e84393",
@@ -51,3 +53,9 @@ def line(number: int) -> str:
 def method(name: str) -> str:
     """The colour of an estimator."""
     return line(_METHODS.index(name)) if name in _METHODS else _QUIET
+
+
+def paler(colour: str) -> str:
+    """A colour halfway to white."""
+    parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
+    return "#" + "".join(f"{(part + 255) // 2:02x}" for part in parts)

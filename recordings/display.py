@@ -40,6 +40,8 @@ class Drawn:
     faint: bool = False
     dotted: bool = False
     """Whether its numbers stand alone, too far apart for a line."""
+    wide: bool = False
+    """Whether another line lies over it."""
 
 
 def span_ns(run: Run) -> tuple[int, int] | None:
@@ -92,7 +94,8 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
         dotted = series.frame in _SHORT or stands_alone(shown[frame][series.column])
         drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
     if drawn and view.threshold is not None:
-        label = f"threshold {_threshold(run, view):g} {view.unit}"
+        unit = "" if view.unit == "1" else f" {view.unit}"
+        label = f"threshold {_threshold(run, view):g}{unit}"
         drawn.append(Drawn(_threshold_frame(view), "threshold", label, "#d55e00"))
     return tuple(drawn)
 

@@ -1,79 +1,66 @@
-"""One page of a run, for a report or a mail: what was measured, what was accepted, the answer."""
+"""Pictures of a run, for a report or a mail: one page of everything, or one figure a question."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Final
-from warnings import catch_warnings, filterwarnings
 
-import numpy as np
 import polars as pl
 
 from analysis.run import Run
-from estimators.errors import OutputError
+from estimators.errors import OutputError, nearest
 from recordings import colours
-from recordings.display import (
-    LANES,
-    Drawn,
-    axis_range,
-    binned,
-    display_frames,
-    drawn_of,
-    span_ns,
-    stands_alone,
-)
-from recordings.output import check_output, whole_file
-from recordings.table import PAGE, STATE, View
-from recordings.texts import local_time, summary
+from recordings.convergence import draw_convergence
+from recordings.display import display_frames, drawn_of
+from recordings.force_acceleration import draw_force_acceleration
+from recordings.panels import draw_over_time, draw_reasons, panel_height
+from recordings.picture import check_picture, write_picture
+from recordings.table import PAGE, TABS
+from recordings.texts import summary
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-SUFFIXES: Final = (".png", ".pdf", ".svg")
-_NS: Final = 1e9
 _WIDTH_IN: Final = 10.0
 _PANEL_IN: Final = 1.5
 _LINE_IN: Final = 0.15
 #: What fits on a line of the answer.
 _CHARACTERS: Final = 140
-#: More points than this are drawn as an envelope, more shaded spans not at all.
-_POINTS: Final = 4000
-_SPANS: Final = 400
-_DPI: Final = 150
 
 
-def plot_run(run: Run, path: str | Path, *, force: bool = False) -> Path:
-    """Draw a run on one page: forces, motion, index, masses and friction ± std, the answer.
+def plot_run(
+    run: Run,
+    path: str | Path,
+    *,
+    figure: str = "page",
+    at_s: float | None = None,
+    force: bool = False,
+) -> Path:
+    """Draw a run: one page of everything, or the figure of one question.
 
-    A run with a calibration gets its fit of (19) and residuals below.
+    A run with a calibration gets its fit of (19) and residuals below the page.
 
     Args:
-        run: the run.
+        run: the run, or a stretch of it.
         path: the picture to write; its suffix says the format: .png, .pdf or .svg.
+        figure: one of `FIGURES`.
+        at_s: a moment to mark, in seconds since the start.
         force: whether to replace a file that is there already.
 
     Returns:
         The path of the picture.
 
     Raises:
-        OutputError: another suffix, the file exists, or it cannot be written.
+        OutputError: another suffix or figure, the file exists, or it cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: no picture format '{path.suffix}'; use {', '.join(SUFFIXES)}")
-    check_output(path, force=force)
-    figure = draw_run(run)
-    with (
-        whole_file(path, force=force) as partial,
-        catch_warnings(),
-    ):
-        filterwarnings("ignore", "Glyph", UserWarning)  # a name in a script the font lacks
-        figure.savefig(partial, dpi=_DPI)
-    return path
+    check_picture(path, force=force)
+    if figure not in FIGURES:
+        raise OutputError(f"{path}: no figure '{figure}'; {nearest(figure, FIGURES)}")
+    return write_picture(FIGURES[figure](run, at_s), path, force=force)
 
 
-def draw_run(run: Run) -> "Figure":
+def draw_run(run: Run, at_s: float | None = None) -> "Figure":
     """Draw the page of `plot_run` without writing it."""
     from matplotlib.figure import Figure
 
@@ -81,12 +68,13 @@ def draw_run(run: Run) -> "Figure":
     shown = display_frames(run, decimate=False)
     views = [(view, drawn) for view in PAGE if (drawn := drawn_of(view, run, shown))]
     points = run.frames.get("calibration", pl.DataFrame())
-    heights = [_LINE_IN * (len(lines) + 2), _PANEL_IN * len(views), 2.5 * _PANEL_IN]
+    panels = sum(panel_height(view, drawn) for view, drawn in views)
+    heights = [_LINE_IN * (len(lines) + 2), _PANEL_IN * max(panels, 1.0), 2.5 * _PANEL_IN]
     kept = heights if points.height else heights[:2]
     figure = Figure(figsize=(_WIDTH_IN, sum(kept)), layout="constrained")
     parts = figure.subfigures(len(kept), 1, height_ratios=kept, squeeze=False)[:, 0]
     _write_answer(parts[0], lines)
-    _draw_views(parts[1], views, run, shown)
+    draw_over_time(parts[1], [view for view, _ in views], run, shown, at_s)
     if points.height:
         _draw_calibration(parts[2], points)
     return figure
@@ -100,78 +88,54 @@ def _write_answer(part: "SubFigure", lines: list[str]) -> None:
     axes.text(0, 1, text, va="top", fontsize=8, family="monospace", parse_math=False)
 
 
-def _draw_views(
-    part: "SubFigure",
-    views: list[tuple[View, tuple[Drawn, ...]]],
-    run: Run,
-    shown: Mapping[str, pl.DataFrame],
-) -> None:
-    span = span_ns(run)
-    if not views or span is None:
-        part.suptitle("nothing in this run can be drawn over time")
-        return
-    rows = part.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, (view, drawn) in zip(rows, views, strict=True):
-        for each in drawn:
-            _draw(axes, each, shown[each.frame], span)
-        lane = "gate" if view.threshold else "phase"
-        _shade(axes, shown.get(f"{LANES}/{lane}"), colours.SHADED[lane])
-        axes.set_ylabel(view.title.replace(" (", "\n("), fontsize=8)
-        axes.tick_params(labelsize=8)
-        axes.set_ylim(axis_range(view, run))
-        if len(drawn) > 1:
-            # above the panel: inside it would hide the last of the curves
-            axes.legend(
-                fontsize=6,
-                loc="lower right",
-                bbox_to_anchor=(1, 1),
-                ncols=5,
-                frameon=False,
-                borderpad=0,
-            )
-    rows[-1].set_xlim(span[0] / _NS, span[1] / _NS)
-    rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=8)
+def _draw_gate(run: Run, at_s: float | None) -> "Figure":
+    """The index and what else the gate looks at, its reasons over time, and their shares."""
+    from matplotlib.figure import Figure
+
+    views = next(tab for tab in TABS if tab.name == "Gate").views
+    figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * (len(views) + 1)), layout="constrained")
+    over, below = figure.subfigures(2, 1, height_ratios=[len(views), 1.2])
+    draw_over_time(over, views, run, display_frames(run, decimate=False), at_s)
+    draw_reasons(below.subplots(), run)
+    return figure
 
 
-def _draw(axes: "Axes", drawn: Drawn, frame: pl.DataFrame, span: tuple[int, int]) -> None:
-    value, variance = pl.col(drawn.column), pl.col(drawn.variance or drawn.column)
-    if frame.height > _POINTS:
-        # bins over the whole span: one without rows stays empty, so that no line crosses a gap
-        width_ns = max((span[1] - span[0]) // (_POINTS // 4), 1)
-        wanted = [value.mean(), value.min().alias("low"), value.max().alias("high")]
-        if drawn.variance:
-            wanted.append(variance.mean())
-        frame = binned(frame, wanted, span, width_ns)
-        if not drawn.variance:
-            ends = [frame.select("t_ns", value=pl.col(end)) for end in ("low", "high")]
-            frame = pl.concat(ends).sort("t_ns").rename({"value": drawn.column})
-    t_s = frame["t_ns"].to_numpy() / _NS
-    numbers = frame[drawn.column].cast(pl.Float64).fill_null(float("nan")).to_numpy()
-    dots = "." if stands_alone(frame[drawn.column]) else ""
-    axes.plot(t_s, numbers, dots + "-", color=drawn.colour, lw=0.8, ms=3, label=drawn.label)
-    if drawn.variance:
-        std = np.sqrt(frame[drawn.variance].fill_null(float("nan")).to_numpy())
-        low, high = numbers - std, numbers + std
-        axes.fill_between(t_s, low, high, color=drawn.colour, alpha=0.2, lw=0)
+def _draw_loads(run: Run, at_s: float | None) -> "Figure":
+    """Masses and payloads of the loads, cycles, and the speed."""
+    from matplotlib.figure import Figure
+
+    wanted = [view for tab in TABS if tab.name in ("Loads", "Cycles") for view in tab.views]
+    views = list(dict.fromkeys(wanted))
+    figure = Figure(figsize=(_WIDTH_IN, 1.3 * _PANEL_IN * len(views)), layout="constrained")
+    shown = display_frames(run, decimate=False)
+    draw_over_time(figure.subfigures(1, 1), views, run, shown, at_s)
+    return figure
 
 
-def _shade(axes: "Axes", states: pl.DataFrame | None, wanted: tuple[str, ...]) -> None:
-    """Shade where a state holds, full height behind the lines."""
-    if states is None or states.height > _SPANS:
-        return
-    spans = states.with_columns(until=pl.col("t_ns").shift(-1)).drop_nulls()
-    for (state,), group in spans.filter(pl.col(STATE).is_in(wanted)).group_by(STATE):
-        start_s = group["t_ns"].to_numpy() / _NS
-        length_s = (group["until"] - group["t_ns"]).to_numpy() / _NS
-        axes.broken_barh(
-            list(zip(start_s, length_s, strict=True)),
-            (0, 1),
-            transform=axes.get_xaxis_transform(),
-            color=colours.STATES[str(state)],
-            alpha=0.15,
-            lw=0,
-            zorder=0,
-        )
+def _draw_scatter(run: Run, at_s: float | None) -> "Figure":
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH_IN, 0.6 * _WIDTH_IN), layout="constrained")
+    draw_force_acceleration(figure.subplots(), run, at_s)
+    return figure
+
+
+def _draw_convergence(run: Run, at_s: float | None) -> "Figure":
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_WIDTH_IN, 0.5 * _WIDTH_IN), layout="constrained")
+    draw_convergence(figure.subplots(), run, at_s)
+    return figure
+
+
+#: One figure a question, by its name.
+FIGURES: Final[Mapping[str, Callable[[Run, float | None], "Figure"]]] = {
+    "page": draw_run,
+    "force-acceleration": _draw_scatter,
+    "convergence": _draw_convergence,
+    "gate": _draw_gate,
+    "loads": _draw_loads,
+}
 
 
 def _draw_calibration(part: "SubFigure", points: pl.DataFrame) -> None:

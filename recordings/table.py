@@ -326,6 +326,7 @@ PAGE: Final = (
     _ACCELERATION,
     _SPEED,
     _INDEX,
+    _DECISIONS,
     _LOADS,
     _MASS,
     _FRICTION,
@@ -392,6 +393,10 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",
+        "findings": (
+            "rank cause severity channel start_t_ns end_t_ns strength_1 evidence "
+            "mass_change_kg mass_change_u_kg setting value alternatives"
+        ),
         "calibration": (
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "
             "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"
@@ -423,3 +428,22 @@ def component(column: str) -> str:
 def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
     """The frames of a run that a series is drawn from, in the run's order."""
     return tuple(name for name in frames if entity_parts(name)[0] == series.frame)
+
+
+def drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
+    """The columns of a frame that a view draws, with those that place and order its rows."""
+    family = entity_parts(frame)[0]
+    wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind"} | {
+        name
+        for tab in TABS
+        for view in tab.views
+        for series in view.series
+        if series.frame == family
+        for name in (series.column, series.std)
+    }
+    if family not in _DRAWN_FRAMES:
+        return ()
+    return tuple(name for name in columns if name in wanted)
+
+
+_DRAWN_FRAMES: Final = {s.frame for tab in TABS for view in tab.views for s in view.series}

@@ -122,9 +122,15 @@ def summary(run: Run) -> str:
             turns = f", yaw inertia {_of(row, method, *_INERTIA)} kg·m²" if inertia else ""
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_lines(said.planar)
+    quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
         came_out = outcome(check, passed="passed", failed="FAILED", absent="n/a")
-        lines.append(f"{came_out:<8} {check.check} {number(check.value)} ({check.limit})")
+        if came_out in quiet:
+            value = "" if check.value is None else f" {number(check.value)}"
+            quiet[came_out].append(f"{check.check}{value}")
+        else:
+            lines.append(f"{came_out:<8} {check.check} {number(check.value)} ({check.limit})")
+    lines += [f"{name:<8} {', '.join(checks)}" for name, checks in quiet.items() if checks]
     return "\n".join(lines)
 
 

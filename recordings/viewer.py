@@ -8,7 +8,7 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -55,7 +55,7 @@ def open_viewer(path: str | Path, at_s: float | None = None) -> subprocess.Popen
         process, port = _start(Path(path), log)
         client = _connected(process, port, log, "a screen; without one, use `payscope plot`")
     if at_s is not None:
-        _set_time(client, t0_ns, at_s)
+        _set_time(client, t0_ns + round(at_s * 1e9))
     return process
 
 
@@ -72,6 +72,45 @@ def start_viewer() -> str:
         process, port = _start(None, log)
         _connected(process, port, log, "a screen; leave out --live without one", waiting=True)
     return _address(port)
+
+
+def recordings_shown(address: str) -> tuple[str, ...]:
+    """The recordings that a viewer holds, by their ids; none where no viewer answers."""
+    from rerun.experimental import ViewerClient
+
+    try:
+        state = ViewerClient.connect(address).get_state()
+    except (ConnectionError, RuntimeError):
+        return ()
+    return tuple(each.store_id for each in state.recordings)
+
+
+def follow(address: str, before: Sequence[str]) -> None:
+    """Put the newest recording where the one before it stood, and close those older than that.
+
+    A viewer that went away is none of our business.
+
+    Args:
+        address: of the viewer.
+        before: what it held before the newest came (`recordings_shown`).
+    """
+    from rerun.experimental import ViewerClient
+
+    try:
+        client = ViewerClient.connect(address)
+        held = {each.store_id: each for each in client.get_state().recordings}
+        new = [each for each in held if each not in before]
+        old = [each for each in before if each in held]
+        if not (new and old):
+            return
+        now_ns = held[old[-1]].current_time
+        if now_ns is not None and held[old[-1]].current_timeline == TIME:
+            at = np.datetime64(int(now_ns), "ns")
+            client.set_time(TIME, timestamp=at, play_state="paused", recording=new[-1])
+        if old[:-1]:
+            client.close(store_ids=old[:-1])
+    except (ConnectionError, RuntimeError):
+        return
 
 
 def screenshots(
@@ -96,9 +135,26 @@ def screenshots(
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; create it first")
     t0_ns = read_provenance(path).t0_unix_ns
+    return photographs(path, folder, tab, None if at_s is None else t0_ns + round(at_s * 1e9))
+
+
+def photographs(
+    path: str | Path, folder: Path, tab: str | None = None, at_unix_ns: int | None = None
+) -> list[Screenshot]:
+    """Draw the tabs of whatever the viewer opens, without a screen: `screenshots` of any file.
+
+    Args:
+        path: a recording, or a log that an importer opens.
+        folder: where `NN-tab.png` are written; it must exist.
+        tab: the one that is wanted, all where None.
+        at_unix_ns: where to put the time cursor.
+
+    Raises:
+        RecordingError: the viewer opens no such file, it has no such tab, or no viewer starts.
+    """
     with headless_viewer(Path(path)) as (client, _):
-        if at_s is not None:
-            _set_time(client, t0_ns, at_s)
+        if at_unix_ns is not None:
+            _set_time(client, at_unix_ns)
         whole = client.get_blueprint("recording").blueprint
         tabs = _tabs(whole)
         names = [_name(whole, entity) for entity in _children(tabs)]
@@ -120,9 +176,8 @@ def _name(whole: dict[str, Any], entity: str) -> str:
     return whole[f"/{entity}"]["ContainerBlueprint"]["display_name"]
 
 
-def _set_time(client: "ViewerClient", t0_ns: int, at_s: float) -> None:
-    at = np.datetime64(t0_ns + round(at_s * 1e9), "ns")
-    client.set_time(TIME, timestamp=at, play_state="paused")
+def _set_time(client: "ViewerClient", at_unix_ns: int) -> None:
+    client.set_time(TIME, timestamp=np.datetime64(at_unix_ns, "ns"), play_state="paused")
 
 
 def _photographed(
@@ -138,7 +193,8 @@ def _photographed(
             continue
         tabs["active_tab"] = entity
         client.set_blueprint(whole, "recording")
-        png = folder / f"{number:02}-{name.lower()}.png"
+        # a tab of an imported log is called like its topic
+        png = folder / f"{number:02}-{name.lower().strip('/').replace('/', '-')}.png"
         png.write_bytes(_settled(client))
         shown = set(_views(whole, entity))
         errors = tuple(

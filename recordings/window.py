@@ -13,7 +13,9 @@ from recordings.reader import opened, read_recording, with_missing_rows
 _NS: Final = 1_000_000_000
 
 
-def read_window(path: str | Path, from_s: float | None, to_s: float | None) -> Run:
+def read_window(
+    path: str | Path, from_s: float | None, to_s: float | None, *, raw: bool = True
+) -> Run:
     """Read the rows of a recording that lie in a stretch of time, and frames that have none whole.
 
     Of manoeuvres, loads and cycles those that reach into it.
@@ -22,12 +24,14 @@ def read_window(path: str | Path, from_s: float | None, to_s: float | None) -> R
         path: the recording.
         from_s: seconds since the start; None from the beginning.
         to_s: likewise; None to the end.
+        raw: whether to read the channels of the log as well.
 
     Raises:
         RecordingError: as `read_recording`; the stretch is none; and nothing of the recording lies
             there.
     """
-    if from_s is None and to_s is None:
+    whole_run = from_s is None and to_s is None
+    if whole_run and raw:
         return read_recording(path)
     stretch = _words(from_s, to_s)
     ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
@@ -40,12 +44,17 @@ def read_window(path: str | Path, from_s: float | None, to_s: float | None) -> R
     heights: dict[str, int] = {}
     with opened(path) as held:
         for stored in held.manifest.frames:
+            if not raw and stored.name.startswith("raw/"):
+                heights[stored.name] = stored.rows
+                continue
             whole = held.read(stored.name)
             heights[stored.name] = whole.height
             frames[stored.name] = _inside(whole, begin, end, held.provenance.t0_unix_ns)
-            if stored.name == "aligned" and frames["aligned"].is_empty():
+            if stored.name == "aligned" and frames["aligned"].is_empty() and not whole_run:
                 raise RecordingError(f"{path}: nothing {stretch}; it has {_span(whole)}")
     about = with_missing_rows(path, held.manifest, held.provenance, heights)
+    if whole_run:
+        return Run(frames, about)
     note = f"a stretch of {Path(path).name}, {stretch}"
     return Run(frames, about.model_copy(update={"notes": (*about.notes, note)}))
 

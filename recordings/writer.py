@@ -2,6 +2,8 @@
 
 import json
 import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 from uuid import uuid4
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
     import pyarrow as pa
     from rerun import RecordingStream
+    from rerun.blueprint import Blueprint
 
 _MOST_WAITING: Final = 1 << 26
 #: So long may nothing move before the disk or the viewer counts as stuck.
@@ -33,8 +36,22 @@ APPLICATION: Final = "payscope"
 SUFFIX: Final = ".rrd"
 
 
+@dataclass(frozen=True, slots=True)
+class LiveView:
+    """A viewer that shows a recording while it is written.
+
+    Attributes:
+        address: of the viewer (`start_viewer`).
+        laid_out: whether it has our layout from an earlier recording, and keeps what a person
+            made of it.
+    """
+
+    address: str
+    laid_out: bool = False
+
+
 def write_recording(
-    run: Run, path: str | Path, *, force: bool = False, viewer: str | None = None
+    run: Run, path: str | Path, *, force: bool = False, viewer: str | LiveView | None = None
 ) -> Path:
     """Write every frame of `run` and its provenance, with a blueprint that lays it out.
 
@@ -44,7 +61,7 @@ def write_recording(
         run: what to write. Floats outside `raw` hold no NaN (missing is null).
         path: the `.rrd` file to write; its folder must exist.
         force: whether to replace a file that is there already.
-        viewer: the address of a viewer (`start_viewer`) that shows it while it is written.
+        viewer: a viewer that shows it while it is written, or its address (`start_viewer`).
 
     Returns:
         The path of the recording.
@@ -53,11 +70,59 @@ def write_recording(
         OutputError: it does not end in .rrd, the file exists, its folder is missing or refuses the
             file, the disk is full, a column cannot be stored, or what was read back differs.
     """
+    return write_scene(run, scene_of, path, force=force, viewer=viewer)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a viewer shows of a recording.
+
+    Attributes:
+        name: that the viewer lists it by.
+        shown: frames that exist only to be drawn, with `t_ns`.
+        layout: the blueprint.
+        texts: in Markdown, by name.
+    """
+
+    name: str
+    shown: Mapping[str, pl.DataFrame]
+    layout: "Blueprint"
+    texts: Mapping[str, str]
+
+
+def scene_of(run: Run) -> Scene:
+    """A run by the table of views."""
+    shown = display_frames(run)
+    name = recording_name(run.provenance)
+    return Scene(name, shown, blueprint(run, shown), texts(run))
+
+
+def write_scene(
+    run: Run,
+    scene_of: Callable[[Run], Scene],
+    path: str | Path,
+    *,
+    force: bool = False,
+    viewer: str | LiveView | None = None,
+) -> Path:
+    """Write a run as `write_recording` does, drawn in a way of its own.
+
+    Args:
+        run: what is kept.
+        scene_of: what is drawn; called once the output is known to be writable.
+        path: the `.rrd` file to write.
+        force: whether to replace a file that is there already.
+        viewer: a viewer that shows it while it is written, or its address.
+
+    Raises:
+        OutputError: as `write_recording`.
+    """
     path = Path(path)
+    viewer = LiveView(viewer) if isinstance(viewer, str) else viewer
     check_recording(path, force=force)
     with whole_file(path, force=force) as partial:
         with piped_file(partial) as piped:
-            _write(run, piped, path, viewer)
+            _write(run, scene_of, piped, path, viewer)
         _verify(run, partial, path)
     return path
 
@@ -73,32 +138,39 @@ def check_recording(path: Path, *, force: bool) -> None:
     check_output(path, force=force)
 
 
-def _write(run: Run, piped: PipedFile, path: Path, viewer: str | None) -> None:
+def _write(
+    run: Run,
+    scene_of: Callable[[Run], Scene],
+    piped: PipedFile,
+    path: Path,
+    viewer: LiveView | None,
+) -> None:
     # what Rerun would log of a viewer that went away is said in our own line
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
     stored = tuple(StoredFrame.of(name, frame) for name, frame in run.frames.items())
-    shown = display_frames(run)
+    scene = scene_of(run)
     description = rr.AnyValues(
         format=FORMAT,
         manifest=Manifest(frames=stored).model_dump_json(),
         provenance=json.dumps(run.provenance.model_dump(mode="json")),
     )
     recording = rr.RecordingStream(APPLICATION, recording_id=uuid4())
-    watching = [rr.GrpcSink(viewer)] if viewer else []
+    watching = [rr.GrpcSink(viewer.address)] if viewer else []
     recording.set_sinks(rr.FileSink(piped.name), *watching)
     piped.opened()
-    recording.send_blueprint(blueprint(run, shown), make_active=True, make_default=True)
+    first = viewer is None or not viewer.laid_out
+    recording.send_blueprint(scene.layout, make_active=first, make_default=True)
     recording.send_property(PROPERTY, description)
-    recording.send_recording_name(recording_name(run.provenance))
+    recording.send_recording_name(scene.name)
     recording.send_recording_start_time_nanos(run.provenance.t0_unix_ns)
-    for name, text in texts(run).items():
+    for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         recording.log(text_entity(name), document, static=True)
     _settle(recording, piped, path)  # what describes the frames first, or a cut file is past help
     waiting = 0
-    for index, batch in _batches(run, shown):
+    for index, batch in _batches(run, scene.shown):
         recording.send_record_batch(batch, index=index)
         waiting += batch.nbytes
         if waiting > _MOST_WAITING:  # or the queue of chunks grows to the whole run
@@ -126,7 +198,7 @@ def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:
 
 
 def _batches(
-    run: Run, shown: dict[str, pl.DataFrame]
+    run: Run, shown: Mapping[str, pl.DataFrame]
 ) -> "Iterator[tuple[list[str], pa.RecordBatch]]":
     """What is drawn, so that a live viewer has it first, then every frame; each with its index."""
     for name, frame in shown.items():

@@ -1,15 +1,19 @@
 """The command `compare`: two recordings held against each other, read a few columns at a time."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
 from analysis.comparison import Comparison, compare, same_inputs
-from analysis.run import Provenance
+from analysis.run import Provenance, Run
 from estimators.errors import RecordingError
+from recordings import check_recording
+from recordings.output import keep_apart
 from recordings.reader import OpenRecording, opened
+from recordings.table import drawn_columns
 
 if TYPE_CHECKING:
     from replay.calibrated import AskedCalibration
@@ -45,20 +49,44 @@ class Recorded:
             return self._loads.select(columns)
         return self._held.read(stage, columns)
 
+    def drawn(self) -> Run:
+        """The columns that a view draws."""
+        wanted = {stage: drawn_columns(stage, names) for stage, names in self.stages.items()}
+        frames = {stage: self.read(stage, names) for stage, names in wanted.items() if names}
+        return Run(frames, self.provenance)
+
+
+@dataclass(frozen=True, slots=True)
+class OverlayTo:
+    """Where two recordings are drawn over each other.
+
+    Attributes:
+        path: the recording; None draws nothing.
+        force: replace an existing one.
+    """
+
+    path: Path | None = None
+    force: bool = False
+
+
+_NOWHERE: Final = OverlayTo()
+
 
 def compare_recordings(
     a: Path,
     b: Path,
+    output: OverlayTo = _NOWHERE,
     *,
     rtol: float = 0.0,
     other_logs: bool = False,
     calibration: "AskedCalibration | None" = None,
 ) -> Comparison:
-    """Compare two recordings.
+    """Compare two recordings, and draw them over each other.
 
     Args:
         a: the one that changes are counted from.
         b: the other.
+        output: a recording of both to write.
         rtol: relative differences of numbers up to this count as none.
         other_logs: whether the two may be of different logs; then only settings, masses and
             verdict are compared.
@@ -66,7 +94,11 @@ def compare_recordings(
 
     Raises:
         RecordingError: one of them cannot be read, or their rows do not correspond.
+        OutputError: the recording of both cannot be written.
     """
+    if output.path is not None:
+        keep_apart(output.path, [a, b])
+        check_recording(output.path, force=output.force)
     with opened(a) as first, opened(b) as second:
         mine, theirs = Recorded(first, calibration), Recorded(second, calibration)
         if not set(mine.stages) & set(theirs.stages):
@@ -84,4 +116,17 @@ def compare_recordings(
                 "SHA-256), so that their rows do not correspond; --other-logs compares settings, "
                 "masses and verdict alone"
             )
-        return compare(mine, theirs, rtol=rtol, rows=not other_logs)
+        found = compare(mine, theirs, rtol=rtol, rows=not other_logs)
+        if output.path is not None:
+            from recordings.compared_text import compared_text
+            from recordings.overlay import write_overlay
+
+            write_overlay(
+                mine.drawn(),
+                theirs.drawn(),
+                output.path,
+                compared_text(found, a.name, b.name),
+                one_log=not other_logs,
+                force=output.force,
+            )
+        return found

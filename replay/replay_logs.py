@@ -10,6 +10,7 @@ from analysis.answer import Answer, answer
 from estimators.errors import DataError, LogError
 from recordings import check_recording, write_recording
 from recordings.viewer import start_viewer
+from recordings.writer import LiveView
 from replay.machine_file import load_machine, time_axis
 from replay.pipeline import STAGES, run
 from replay.readers import open_log
@@ -26,11 +27,13 @@ class RecordTo:
         path: the recording; None records nothing.
         force: replace an existing one.
         live: show it in the viewer as it is written.
+        viewer: one that is open already, for that.
     """
 
     path: Path | None = None
     force: bool = False
     live: bool = False
+    viewer: LiveView | None = None
 
 
 #: What `on_stage` is told, in order, of a replay that is recorded.
@@ -75,7 +78,7 @@ def replay_logs(
     if output.path is not None:
         check_recording(output.path, force=output.force)
     # before the work: without a screen there is nothing to wait for
-    viewer = start_viewer() if output.live else None
+    viewer = output.viewer or (LiveView(start_viewer()) if output.live else None)
     with ExitStack() as stack:
         on_stage("open")
         opened = [stack.enter_context(open_log(path, time=time_axis(machine))) for path in logs]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -30,6 +30,12 @@ _COLUMNS_SHOWN: Final = 4
 def command(
     a: Annotated[Path, typer.Argument(help="The recording that changes are counted from (.rrd).")],
     b: Annotated[Path, typer.Argument(help="The other recording.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Write a recording of both, with their differences (.rrd)."
+        ),
+    ] = None,
     rtol: Annotated[
         float, typer.Option(min=0.0, help="Largest relative difference that counts as none.")
     ] = 0.0,
@@ -42,21 +48,25 @@ def command(
     calibration: Calibration = None,
     key: SignerKey = None,
     require_signed: RequireSigned = False,
+    force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print every difference as JSON.")
     ] = False,
 ) -> None:
     """Compare two recordings: settings, estimates, manoeuvres and columns that differ.
 
-    Numbers are compared bit for bit unless --rtol is given. Exit status 1 when anything differs
+    Numbers are compared bit for bit unless --rtol is given. With -o a recording shows both over
+    each other, B less A below, in A's time; of different logs (--other-logs) each manoeuvre of B
+    begins where its counterpart of A does. Exit status 1 when anything differs
     but file names and versions.
     """
     from replay.commands.printing import print_json
-    from replay.compare import compare_recordings
+    from replay.compare import OverlayTo, compare_recordings
 
     found = compare_recordings(
         a,
         b,
+        OverlayTo(output, force),
         rtol=rtol,
         other_logs=other_logs,
         calibration=asked_calibration(calibration, key, signed=require_signed),
@@ -118,23 +128,16 @@ def _print(found: "Comparison", a: Path, b: Path, rtol: float) -> None:
 def _values(changes: Iterable["Changed"]) -> "Table":
     from rich.markup import escape
 
-    from replay.commands.printing import plain_table
+    from replay.commands.printing import plain_table, value_text
 
     table = plain_table("", "A", "B")
     for column in table.columns[1:]:
         column.justify, column.overflow = "left", "fold"
     for change in list(changes)[:_SHOWN]:
-        table.add_row(*(escape(text) for text in (change.name, _said(change.a), _said(change.b))))
+        table.add_row(
+            *(escape(text) for text in (change.name, value_text(change.a), value_text(change.b)))
+        )
     return table
-
-
-def _said(value: Any) -> str:
-    """A value as a machine file writes it."""
-    import json
-
-    if value is None:
-        return "–"
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 _UNITS: Final = {

@@ -1,9 +1,20 @@
-"""`payscope plot`: a page of pictures."""
+"""`payscope plot`: pictures of a recording."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+
+class Question(StrEnum):
+    """The figures, one a question (`recordings.plot.FIGURES`)."""
+
+    page = "page"
+    force_acceleration = "force-acceleration"
+    convergence = "convergence"
+    gate = "gate"
+    loads = "loads"
 
 
 def command(
@@ -11,16 +22,27 @@ def command(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="The picture (.png, .pdf or .svg).")
     ],
+    figure: Annotated[
+        Question, typer.Option("--figure", help="Everything on one page, or one question.")
+    ] = Question.page,
+    at_s: Annotated[
+        float | None,
+        typer.Option("--at", help="Mark this second, and draw the 30 s around it."),
+    ] = None,
     from_s: Annotated[
         float | None, typer.Option("--from", help="Draw only what begins here (s).")
     ] = None,
     to_s: Annotated[float | None, typer.Option("--to", help="And ends here (s).")] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing picture.")] = False,
 ) -> None:
-    """Draw a recording on one page: forces, motion, index, gate, masses, the answer."""
-    from recordings import plot_run
-    from recordings.output import check_output
-    from recordings.window import read_window
+    """Draw a recording: forces, motion, index, gate, masses and the answer on one page.
 
-    check_output(output, force=force)
-    typer.echo(str(plot_run(read_window(recording, from_s, to_s), output, force=force)))
+    Or one figure a question: --figure force-acceleration, convergence, gate or loads. Long runs are
+    drawn by envelopes, medians and shares of time; --from and --to show the detail.
+    """
+    from replay.plot import plot
+
+    picture = plot(
+        recording, output, figure.value, at_s=at_s, from_s=from_s, to_s=to_s, force=force
+    )
+    typer.echo(str(picture))

@@ -1,5 +1,7 @@
 """`payscope run`: the main job."""
 
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,13 +15,15 @@ from replay.commands.options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from rich.console import Console
     from rich.table import Table
 
     from analysis.answer import Answer, AnswerRow
     from analysis.check import Check, Verdict
+    from analysis.comparison import Changed
+    from replay.replay_logs import RecordTo
 
 
 def command(
@@ -39,6 +43,10 @@ def command(
     live: Annotated[
         bool, typer.Option("--live", help="Show the recording in the viewer while it is written.")
     ] = False,
+    watch: Annotated[
+        bool,
+        typer.Option("--watch", help="Replay whenever the machine file changes, until ctrl-C."),
+    ] = False,
     force: Annotated[bool, typer.Option(help="Replace an existing recording.")] = False,
     empty: Annotated[
         str | None,
@@ -55,7 +63,9 @@ def command(
 ) -> None:
     """Replay logs as one time line and estimate the mass; judge whether these logs can weigh.
 
-    Exit status 1 if they cannot: the mass is withheld and the failed checks are listed.
+    Exit status 1 if they cannot: the mass is withheld and the failed checks are listed. With
+    --watch each change of the machine file is replayed, into the open viewer with --live; a fault
+    in the file is one line, and ctrl-C ends with status 0.
     """
     from replay.commands.printing import print_json
     from replay.commands.progress import Stages
@@ -66,22 +76,64 @@ def command(
     if goal is not None and as_json:
         raise typer.BadParameter("--goal is said in words: leave out --json")
     settings = [*(overrides or []), *_empty(empty)]
-    with Stages(len(STEPS), timing=timing) as stages:
-        answer = replay_logs(
-            logs,
-            machine,
-            RecordTo(output, force, live),
-            settings,
-            strict=strict,
-            calibration=asked_calibration(calibration, key, signed=require_signed),
-            on_stage=stages.begin,
-        )
-    if as_json:
-        print_json(answer.to_dict())
-    else:
-        print_answer(answer, goal)
+    asked = asked_calibration(calibration, key, signed=require_signed)
+
+    def replay(to: RecordTo) -> "Answer":
+        with Stages(len(STEPS), timing=timing) as stages:
+            return replay_logs(
+                logs,
+                machine,
+                to,
+                settings,
+                strict=strict,
+                calibration=asked,
+                on_stage=stages.begin,
+            )
+
+    def show(answer: "Answer") -> None:
+        if as_json:
+            print_json(answer.to_dict())
+        else:
+            print_answer(answer, goal)
+
+    to = RecordTo(output, force, live)
+    if watch:
+        _watch(machine, to, settings, replay, show)
+        return
+    answer = replay(to)
+    show(answer)
     if not answer.verdict.can_weigh:
         raise typer.Exit(1)
+
+
+def _watch(
+    machine: Path,
+    to: "RecordTo",
+    settings: list[str],
+    replay: "Callable[[RecordTo], Answer]",
+    show: "Callable[[Answer], None]",
+) -> None:
+    """Replay after each change, with a line of what changed, until interrupted."""
+    from estimators.errors import PayscopeError, one_line
+    from replay.commands.printing import value_text
+    from replay.watch import watch
+
+    def on_answer(answer: "Answer", changed: "list[Changed]") -> None:
+        if changed:
+            said = ", ".join(
+                f"{each.name} {value_text(each.a)} → {value_text(each.b)}" for each in changed
+            )
+            typer.echo(one_line(f"{machine} changed: {said}"), err=True)
+        show(answer)
+        sys.stdout.flush()
+        typer.echo(f"watching {machine}; ctrl-C ends", err=True)
+
+    def on_error(error: PayscopeError) -> None:
+        typer.echo(f"payscope: {one_line(str(error))}", err=True)
+
+    # interrupted is how it ends
+    with suppress(KeyboardInterrupt):
+        watch(machine, to, settings, replay, on_answer, on_error)
 
 
 _OF_MASS = {

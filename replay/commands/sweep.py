@@ -24,11 +24,19 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.table import Table
 
+    from recordings.sweep_figure import SweptRow
     from replay.calibrated import AskedCalibration
     from replay.sweep import Row
 
 #: Whoever reads a file can scroll.
 _FILE_WIDTH: Final = 400
+#: The same on an axis.
+_DRAWN: Final = {
+    "error_kg": "mass less the\nreference (kg)",
+    "rmse_kg": "r.m.s. error of\nthe runs (kg)",
+    "calibrated_rmse_kg": "r.m.s. error,\ncalibrated (kg)",
+    "left_out_rmse_kg": "the same, own load\nleft out (kg)",
+}
 _TITLES: Final = {
     "error_kg": "Mass less the reference, kg",
     "rmse_kg": "Root mean square error of the runs' masses as they are, kg",
@@ -72,13 +80,17 @@ def command(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
     ] = None,
-    force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
+    figure: Annotated[
+        Path | None,
+        typer.Option("--figure", help="Draw masses and errors as a picture (.png, .pdf or .svg)."),
+    ] = None,
+    force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
 ) -> None:
     """Replay logs once for each combination of settings and compare masses and verdicts.
 
     If the truth of a simulation lies beside the logs, the root mean square errors of the runs'
-    masses are given as in the paper's Tables 3 and 4. A combination that cannot weigh has no mass.
-    Exit status 1 if none can.
+    masses are given as in the paper's Tables 3 and 4, and drawn with --figure. A combination that
+    cannot weigh has no mass. Exit status 1 if none can.
     """
     if as_json and output_format not in (None, FrameFormat.json):
         raise typer.BadParameter("--json and --format differ; give one of them")
@@ -90,7 +102,7 @@ def command(
         reference_kg=reference_kg,
         calibration=asked_calibration(calibration, key, signed=require_signed),
         output_format=wanted and wanted.value,
-        output=output,
+        outputs=(output, figure),
         force=force,
     )
     if not weighs:
@@ -104,15 +116,17 @@ def _print_sweep(
     reference_kg: float | None,
     calibration: AskedCalibration | None,
     output_format: str | None,
-    output: Path | None,
+    outputs: tuple[Path | None, Path | None],
     force: bool,
 ) -> bool:
-    """Sweep logs, machine file and overrides over values; print the rows or write them to `output`.
+    """Sweep logs, machine file and overrides over values; print, write and draw the rows.
 
     Returns:
         Whether any combination can weigh.
     """
+    from estimators.errors import OutputError
     from recordings.output import check_output, keep_apart
+    from recordings.picture import check_picture
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.printing import console
     from replay.commands.progress import Stages
@@ -120,10 +134,16 @@ def _print_sweep(
     from replay.sweep import sweep
 
     logs, machine_file, overrides, over = asked
+    output, figure = outputs
     output_format = format_of(output_format, output)
     if output is not None:
         keep_apart(output, [*logs, machine_file])
         check_output(output, force=force)
+    if figure is not None:
+        keep_apart(figure, [*logs, machine_file])
+        check_picture(figure, force=force)
+        if figure == output:
+            raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
     grid = combinations(over)
     with Stages(len(grid)) as stages:
         rows = sweep(
@@ -146,7 +166,33 @@ def _print_sweep(
             table=lambda: _text(_tables(rows)),
             records=[_nested(row) for row in rows],
         )
+    if figure is not None:
+        from recordings.sweep_figure import plot_sweep
+
+        drawn = plot_sweep(
+            [_swept(row) for row in rows], figure, reference_kg=reference_kg, force=force
+        )
+        typer.echo(f"figure: {drawn}", err=True)
     return any(row.answer.verdict.can_weigh for row in rows)
+
+
+def _swept(row: Row) -> SweptRow:
+    """A row as its figure has it."""
+    from recordings.sweep_figure import SweptRow
+
+    names = _names(row.over)
+    known = [load for load in row.answer.loads if load["payload_kg"] is not None]
+    several = len(row.answer.loads) > 1 and known
+    most = max(known, key=lambda load: load["payload_kg"]) if several else None
+    return SweptRow(
+        over={names[key]: value for key, value in _typed(row).items()},
+        mass_kg=_by_method(row, "mass_kg"),
+        mass_std_kg=_by_method(row, "mass_std_kg"),
+        payload_kg=None if most is None else (most["payload_kg"], most["payload_u_kg"] or 0.0),
+        errors={_DRAWN[name]: errors for name, errors in row.errors.items()},
+        accepted_share_1=row.answer.accepted_share,
+        can_weigh=row.answer.verdict.can_weigh,
+    )
 
 
 def _nested(row: Row) -> dict[str, Any]:

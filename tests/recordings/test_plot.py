@@ -12,7 +12,7 @@ from analysis import Provenance, Run
 from analysis.run import InputFile
 from estimators.errors import OutputError
 from recordings import plot_run
-from recordings.plot import draw_run
+from recordings.plot import FIGURES, draw_run
 
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
@@ -86,8 +86,9 @@ PANELS = (
 
 
 def panels(figure: Figure) -> dict[str, Axes]:
-    """The panels over time by name and unit, from top to bottom."""
-    return {axes.get_ylabel().replace("\n", " "): axes for axes in figure.subfigs[1].axes}
+    """The panels over time by name and unit, from top to bottom, but for lanes of states."""
+    named = ((axes.get_ylabel().replace("\n", " "), axes) for axes in figure.subfigs[1].axes)
+    return {name: axes for name, axes in named if name}
 
 
 def line(axes: Axes, label: str) -> tuple[np.ndarray, np.ndarray]:
@@ -140,13 +141,15 @@ def test_a_line_holds_the_numbers_of_its_column_and_breaks_where_there_are_none(
         assert np.isnan(numbers[inside]).any()
 
 
-def test_more_points_than_fit_are_drawn_by_the_extremes_of_each_bin(drives):
+def test_more_points_than_fit_are_drawn_by_the_mean_and_the_extremes_of_each_bin(drives):
     run = drives(900.0)
-    t_s, numbers = line(panels(draw_run(run))["Force (N)"], "driving force")
+    axes = panels(draw_run(run))["Force (N)"]
+    t_s, _ = line(axes, "driving force")
     force = run.frames["excitation"]["force_x_N"]
     assert t_s.size < force.len() / 10
-    assert np.nanmin(numbers) == force.min()
-    assert np.nanmax(numbers) == force.max()
+    envelope = axes.collections[0].get_datalim(axes.transData)
+    assert envelope.y0 == pytest.approx(force.min())
+    assert envelope.y1 == pytest.approx(force.max())
 
 
 def test_a_band_is_one_standard_deviation_on_each_side(drives):
@@ -230,3 +233,57 @@ def test_the_calibration_shows_each_point_and_line_and_what_is_left_of_them(driv
 
 def test_a_run_without_a_calibration_has_no_third_part(drives):
     assert len(draw_run(drives(60.0, calibration=False)).subfigs) == 2
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"accepted": False}, {"passed": False}, {"duration_s": 700.0}],
+    ids=lambda each: str(each),
+)
+def test_every_figure_draws_every_kind_of_run(drives, tmp_path: Path, figure: str, options: dict):
+    run = drives(**{"duration_s": 60.0, **options})
+    plot_run(run, tmp_path / "whole.png", figure=figure)
+    plot_run(run, tmp_path / "moment.png", figure=figure, at_s=30.0)
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+def test_every_figure_of_a_run_without_frames_says_so(tmp_path: Path, figure: str):
+    plot_run(Run({}), tmp_path / "empty.png", figure=figure)
+
+
+def test_an_unknown_figure_is_one_line_with_the_choices(drives, tmp_path: Path):
+    with pytest.raises(OutputError, match="no figure 'gates'; did you mean 'gate'"):
+        plot_run(drives(60.0), tmp_path / "page.png", figure="gates")
+
+
+def lanes(figure: Figure) -> Axes:
+    """The lanes of the gate and the phase."""
+    named = [
+        [text.get_text() for text in axes.get_yticklabels()] for axes in figure.subfigs[1].axes
+    ]
+    return figure.subfigs[1].axes[named.index(["gate", "yaw gate", "phase"])]
+
+
+def test_few_states_are_drawn_as_stretches_and_many_as_shares_of_time(drives):
+    short, long = lanes(draw_run(drives(60.0))), lanes(draw_run(drives(2400.0)))
+    assert not short.patches
+    assert len(short.collections) > 0
+    bars = [bar for bar in long.patches if bar.get_y() >= 2.0]
+    assert len(bars) > 300
+    # of the uppermost lane each bin is full, but for a gap and the end
+    tops = {round(bar.get_x(), 3): 0.0 for bar in bars}
+    for bar in bars:
+        tops[round(bar.get_x(), 3)] += bar.get_height()
+    full = [top for top in tops.values() if top == pytest.approx(0.84, abs=0.01)]
+    assert len(full) > 0.9 * len(tops)
+
+
+def test_no_legend_covers_a_panel(drives):
+    for run in (drives(60.0), drives(700.0)):
+        figure = draw_run(run)
+        figure.draw_without_rendering()
+        for axes in figure.subfigs[1].axes:
+            legend = axes.get_legend()
+            if legend is not None:
+                assert legend.get_window_extent().y0 >= axes.get_window_extent().y1 - 1.0

@@ -1,0 +1,142 @@
+"""What mass and friction leave of the force: coloured, of uneven size, or swinging.
+
+The same sum of channels is looked at while the machine stands, where it holds the instruments'
+noise alone; its spectrum while it drives is compared with that.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from analysis.diagnosis.evidence import Bools, Floats
+from analysis.findings.case import Case
+from analysis.findings.cause import Sign
+from analysis.forces import longitudinal_force, regressor_acceleration
+from analysis.schema import values
+
+#: Samples of a spectrum, half of which the next one shares.
+_LENGTH: Final = 128
+#: Fewer spectra tell nothing, more are not needed.
+_FEWEST: Final = 6
+_MOST: Final = 4000
+#: Frequencies of a resonance, of slow noise, and of what it is compared with.
+_SWINGS_HZ: Final = (1.5, 25.0)
+_SLOW_HZ: Final = 1.2
+_FAST_HZ: Final = (3.0, 10.0)
+#: Ratios of power that chance and resampling stay below.
+_PEAK: Final = 4.0
+_UNEVEN: Final = 2.0
+_COLOURED: Final = 2.2
+
+
+class Spectra(NamedTuple):
+    """Power by frequency, (k,): while it drives, and while it stands."""
+
+    hz: Floats
+    driving: Floats
+    standing: Floats
+    counts: tuple[int, int]
+
+
+def spectra(case: Case) -> Spectra | None:
+    """Of f - m a - b v; None where there is too little of either."""
+    if "spectra" in case.kept:
+        return case.kept["spectra"]  # type: ignore[return-value]
+    case.kept["spectra"] = found = _spectra(case)
+    return found
+
+
+def _spectra(case: Case) -> Spectra | None:
+    fit = case.fit
+    if fit is None:
+        return None
+    aligned, machine = case.aligned, case.machine
+    lag = fit.lag_s if fit.shifted else 0.0
+    rows = np.arange(aligned.height, dtype=np.float64)
+    force = longitudinal_force(aligned, machine.machine)
+    force = np.interp(rows + lag * fit.motion.rate_hz, rows, force)
+    A = np.column_stack([regressor_acceleration(aligned, machine), values(aligned, "speed_x_m_s")])
+    left = force - A @ np.array([fit.mass_kg, fit.viscous])
+    known = np.isfinite(left)
+    driving = _powers(left, A, fit.motion.used & known)
+    standing = _powers(left, None, case.stands_still & known)
+    if min(len(driving), len(standing)) < _FEWEST:
+        return None
+    hz = np.arange(_LENGTH // 2 + 1) * fit.motion.rate_hz / _LENGTH
+    counts = (len(driving), len(standing))
+    return Spectra(hz, np.mean(driving, axis=0), np.mean(standing, axis=0), counts)
+
+
+def _powers(x: Floats, A: Floats | None, used: Bools) -> list[Floats]:
+    """Spectra of the stretches that are used, without their own line, mass and friction."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
+    window = np.hanning(_LENGTH)
+    line = np.column_stack([np.ones(_LENGTH), np.linspace(-1.0, 1.0, _LENGTH)])
+    out: list[Floats] = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        for first in range(int(begin), int(end) - _LENGTH + 1, _LENGTH // 2):
+            part = slice(first, first + _LENGTH)
+            own = line if A is None else np.column_stack([line, A[part]])
+            rest = x[part] - own @ np.linalg.lstsq(own, x[part], rcond=None)[0]
+            out.append(np.abs(np.fft.rfft(rest * window)) ** 2)
+            if len(out) >= _MOST:
+                return out
+    return out
+
+
+def _level(hz: Floats, power: Floats, low: float, high: float) -> float:
+    return float(np.median(power[(hz >= low) & (hz <= high)]))
+
+
+def resonance(case: Case) -> list[Sign]:
+    """A peak of the driving spectrum over the standing one."""
+    found = spectra(case)
+    if found is None:
+        return []
+    band = (found.hz >= _SWINGS_HZ[0]) & (found.hz <= _SWINGS_HZ[1])
+    # standing noise is smooth in frequency, so its own scatter is taken out
+    smooth = np.convolve(found.standing, np.ones(7) / 7.0, "same")
+    ratio = found.driving / np.maximum(smooth, 1e-12)
+    usual = max(float(np.median(ratio[band])), 1.0)
+    at = int(np.argmax(np.where(band, ratio, 0.0)))
+    strength = float(ratio[at]) / usual / _PEAK
+    return [
+        Sign(
+            strength,
+            f"at {found.hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(ratio[at] / usual):.1f} "
+            "times as much as its noise",
+        )
+    ]
+
+
+def heteroscedastic(case: Case) -> list[Sign]:
+    """More noise while it drives than while it stands."""
+    found = spectra(case)
+    if found is None:
+        return []
+    driving, standing = (
+        _level(found.hz, power, *_FAST_HZ) for power in (found.driving, found.standing)
+    )
+    ratio = driving / max(standing, 1e-12)
+    return [
+        Sign(
+            ratio / _UNEVEN,
+            f"what the fit leaves has {np.sqrt(ratio):.1f} times the noise of standing",
+        )
+    ]
+
+
+def coloured(case: Case) -> list[Sign]:
+    """Slow noise of the channels at standstill, beyond white noise."""
+    found = spectra(case)
+    if found is None:
+        return []
+    slow = _level(found.hz, found.standing, 0.5, _SLOW_HZ)
+    fast = _level(found.hz, found.standing, *_FAST_HZ)
+    ratio = slow / max(fast, 1e-12)
+    return [
+        Sign(
+            ratio / _COLOURED,
+            f"below {_SLOW_HZ:g} Hz the noise has {ratio:.1f} times the power that white noise has",
+        )
+    ]

@@ -1,0 +1,34 @@
+"""Which files the importer of the Rerun viewer takes; asked of every file that is opened."""
+
+import os
+from pathlib import Path
+from typing import Final
+
+#: Names the machine file of the logs that are opened.
+VARIABLE: Final = "PAYSCOPE_MACHINE"
+#: Logs that the viewer opens by itself not at all. It reads .mcap and .parquet.
+_ALONE: Final = (".bag", ".db3", ".csv")
+_WITH_MACHINE: Final = (*_ALONE, ".mcap", ".parquet")
+
+
+def machine_of(log: Path) -> Path | None:
+    """The machine file of a log: the one of `PAYSCOPE_MACHINE`, or `shift.toml` beside `shift.bag`.
+
+    Returns:
+        None where there is neither.
+    """
+    named = os.environ.get(VARIABLE)
+    if named:
+        return Path(named)
+    beside = log.with_suffix(".toml") if log.is_file() else log.with_name(f"{log.name}.toml")
+    return beside if beside.is_file() else None
+
+
+def is_ours(log: Path) -> bool:
+    """Whether a file is for us: what the viewer reads itself only where it has a machine file."""
+    suffixes = _WITH_MACHINE if machine_of(log) is not None else _ALONE
+    if log.is_dir():
+        return (log / "metadata.yaml").is_file() and any(
+            each.suffix in suffixes for each in log.iterdir()
+        )
+    return log.is_file() and log.suffix.lower() in suffixes
