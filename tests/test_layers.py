@@ -26,6 +26,7 @@ ORDER = (
     ("analysis/cycles", "analysis/reproduction"),
     ("recordings",),
     ("recordings/evidence", "recordings/reproduction"),
+    ("recordings/pages",),
     ("recordings/review",),
     ("replay/messages",),
     ("replay/decoding",),
