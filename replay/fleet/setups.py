@@ -1,0 +1,119 @@
+"""How logs of one machine are replayed: its file as resolved, and its calibrations by day."""
+
+import datetime as dt
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from analysis.fleet.tables import TABLES
+from analysis.machine import Machine
+from analysis.stamps import FIRST_DATE_NS
+from estimators.errors import EvidenceError
+from replay.calibrated import AskedCalibration, MachineCalibration, load_calibration
+from replay.inputs import resolved, versions
+from replay.machine_file import load_machine
+
+#: Raised whenever results that are there have to be made anew.
+FORMAT: Final = 1
+UNDATED: Final = "undated"
+_S: Final = 10**9
+
+
+@dataclass(frozen=True)
+class MachineSetup:
+    """One way to replay logs of a machine.
+
+    Attributes:
+        name: of the machine, by the fleet file.
+        machine: as resolved.
+        by: the evidence that calibrates it; None for none.
+        first: first day that the evidence is of.
+        basis: digest of all that a result depends on besides its log.
+    """
+
+    name: str
+    machine: Machine
+    by: MachineCalibration | None
+    first: dt.date
+    basis: str
+
+    def holds_on(self, day: dt.date | None) -> bool:
+        """Whether it is for logs of a day; None is an unknown one."""
+        if self.by is None:
+            return True
+        return day is not None and self.first <= day <= self.by.document.expires
+
+    def day_of(self, unix_ns: int | None) -> dt.date | None:
+        """The day where the machine is; None without a date."""
+        if unix_ns is None or unix_ns < FIRST_DATE_NS:
+            return None
+        return dt.datetime.fromtimestamp(unix_ns // _S, self.machine.machine.zone).date()
+
+
+def machine_setups(
+    name: str, file: str, overrides: Sequence[str], folders: Sequence[str], *, lenient: bool
+) -> tuple[MachineSetup, ...]:
+    """A setup a calibration, the latest first, and one without any.
+
+    Args:
+        name: of the machine.
+        file: its machine file.
+        overrides: `key=value`, of that.
+        folders: evidence; checks of a known mass among them are passed over.
+        lenient: leave out evidence of other settings.
+
+    Raises:
+        PayscopeError: the machine file is wrong, or evidence is wrong or of another machine.
+    """
+    machine = load_machine(file, overrides)
+    calibrations: list[MachineCalibration] = []
+    for folder in folders:
+        if _is_check(Path(folder)):
+            continue
+        by = load_calibration(AskedCalibration(Path(folder)))
+        try:
+            by.checked(by.weighing(machine), file)
+        except EvidenceError:
+            if not lenient:
+                raise
+            continue
+        calibrations.append(by)
+    calibrations.sort(key=_last_day, reverse=True)
+    calibrated = [_setup(name, by.weighing(machine), by) for by in calibrations]
+    return (*calibrated, _setup(name, machine, None))
+
+
+def setup_on(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
+    """The setup of logs of a day: under the latest calibration that holds then, or under none."""
+    return next(each for each in setups if each.holds_on(day))
+
+
+def _setup(name: str, machine: Machine, by: MachineCalibration | None) -> MachineSetup:
+    whole = {
+        "format": FORMAT,
+        "tables": list(TABLES),
+        "name": name,
+        "machine": resolved(machine),
+        "settings": machine.settings.model_dump(mode="json"),
+        "calibration": "" if by is None else by.document.id,
+        "versions": versions(),
+    }
+    basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
+    first = dt.date.min if by is None else _last_day(by)
+    return MachineSetup(name, machine, by, first, basis)
+
+
+def _last_day(by: MachineCalibration) -> dt.date:
+    """The last day of the campaign: from then on its line is the latest."""
+    return max(run.day for run in by.document.campaign.runs)
+
+
+def _is_check(folder: Path) -> bool:
+    try:
+        content = json.loads((folder / "evidence.json").read_bytes())
+    except (OSError, ValueError):
+        return False
+    return isinstance(content, dict) and content.get("kind") == "check"
