@@ -10,7 +10,7 @@ from typing import Annotated, Final
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from estimators.errors import FleetError
-from replay.fleet.setups import MachineSetup, machine_setups
+from replay.fleet.setups import MachineSetup, NamedFiles, machine_setups
 from replay.toml_file import read_toml, validate
 
 _STRICT: Final = ConfigDict(extra="forbid", frozen=True)
@@ -97,14 +97,21 @@ class Fleet:
         path: of the file.
         rules: what it says.
         overrides: `key=value`, of every machine file, behind those of the rules.
-        lenient: whether evidence that no longer fits the settings is left out rather
-            than refused.
     """
 
     path: Path
     rules: FleetRules
     overrides: tuple[str, ...] = ()
-    lenient: bool = False
+
+    @property
+    def name(self) -> str:
+        """The fleet's name."""
+        return self.rules.fleet.name
+
+    @property
+    def limits(self) -> TaskLimits:
+        """What one recording may take."""
+        return self.rules.limits
 
     def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
         """How a log is to be replayed: under one of the machine's calibrations, or none.
@@ -121,21 +128,22 @@ class Fleet:
         raise FleetError(f"{log}: no rule of {self.path} fits it; its rules: {patterns}")
 
     def _setups(self, rule: MachineRule, name: str) -> tuple[MachineSetup, ...]:
-        beside = self.path.parent / rule.file.replace(NAME, name)
-        file = str(beside) if beside.exists() else rule.file.replace(NAME, name)
+        file = rule.file.replace(NAME, name)
+        beside = (self.path.parent / file).absolute()
+        file = str(beside) if beside.exists() else file
         folders: tuple[str, ...] = ()
         if rule.calibrations is not None:
-            pattern = str(self.path.parent / rule.calibrations.replace(NAME, glob.escape(name)))
+            pattern = str(
+                self.path.parent.absolute() / rule.calibrations.replace(NAME, glob.escape(name))
+            )
             folders = tuple(sorted(glob.glob(pattern)))  # noqa: PTH207 - an absolute pattern
         overrides = (*rule.overrides, *self.overrides)
-        return _read_once(name, file, overrides, folders, self.lenient)
+        return _read_once(name, NamedFiles(file, overrides, folders))
 
 
 @cache
-def _read_once(
-    name: str, file: str, overrides: tuple[str, ...], folders: tuple[str, ...], lenient: bool
-) -> tuple[MachineSetup, ...]:
-    return machine_setups(name, file, overrides, folders, lenient=lenient)
+def _read_once(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+    return machine_setups(name, files, lenient=False)
 
 
 @cache
@@ -149,13 +157,12 @@ def _pattern(text: str) -> re.Pattern[str]:
     return re.compile(rf"(?:^|/){''.join(found)}{re.escape(text[end:])}\Z")
 
 
-def load_fleet(path: Path, overrides: tuple[str, ...] = (), *, lenient: bool = False) -> Fleet:
+def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
     """Read a fleet file.
 
     Args:
         path: a TOML file.
         overrides: `key=value`, of every machine file.
-        lenient: leave out evidence that no longer fits the settings, rather than refuse its logs.
 
     Raises:
         FleetError: one line with the file, the fault, the choices and the remedy.
@@ -177,4 +184,4 @@ def load_fleet(path: Path, overrides: tuple[str, ...] = (), *, lenient: bool = F
             )
         if rule.logs.count(NAME) > 1:
             raise FleetError(f"{path}: machines[{number}]: logs has {NAME} more than once")
-    return Fleet(path, rules, overrides, lenient)
+    return Fleet(path, rules, overrides)

@@ -7,8 +7,7 @@ other keys, it is made anew, from the gathered one before and the results that a
 
 import hashlib
 import io
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,10 +15,13 @@ from typing import Final
 from urllib.parse import quote
 
 import polars as pl
+from pydantic import BaseModel, ValidationError
 
 from analysis.fleet.tables import TABLES, table_schema
 from estimators.errors import FleetError, OutputError
+from replay.fleet.fleet_file import TaskLimits
 from replay.fleet.layout import MARK, ResultName, name_of, parquet
+from replay.fleet.setups import MachineSetup, NamedFiles
 from replay.fleet.store import Store
 
 _GATHERED: Final = "gathered"
@@ -27,6 +29,21 @@ _GATHERED: Final = "gathered"
 CURRENT: Final = "current.json"
 _DIGITS: Final = 16
 _ORDER: Final = ("t0_unix_ns", "key")
+
+
+class CurrentMachine(BaseModel):
+    """A machine of the last run: its files, and the digests of its setups."""
+
+    files: NamedFiles
+    bases: tuple[str, ...]
+
+
+class LastRun(BaseModel):
+    """What the last run was told, beside the results."""
+
+    fleet: str = "fleet"
+    limits: TaskLimits = TaskLimits.model_validate({})
+    machines: dict[str, CurrentMachine] = {}
 
 
 @dataclass
@@ -109,8 +126,7 @@ class FleetResults:
     @cached_property
     def results(self) -> pl.DataFrame:
         """One row a log and machine: under the settings of the last run, else the latest made."""
-        current = self.current()
-        bases = [basis for bases in current.values() for basis in bases]
+        bases = [basis for each in self.current.machines.values() for basis in each.bases]
         return (
             self.whole(MARK)
             .with_columns(pl.col("basis").is_in(bases).alias("current"))
@@ -129,20 +145,28 @@ class FleetResults:
             return rows
         return rows.join(self.results.lazy().select("key"), on="key", how="semi")
 
-    def current(self) -> dict[str, list[str]]:
-        """Of every machine the digests of the last run's setups."""
+    @cached_property
+    def current(self) -> LastRun:
+        """What the last run was told."""
         try:
-            return json.loads(self.store.read(CURRENT))
+            return LastRun.model_validate_json(self.store.read(CURRENT))
         except FileNotFoundError:
-            return {}
+            return LastRun()
+        except ValidationError:
+            place = self.store.full_name(CURRENT)
+            raise FleetError(f"{place}: is not as payscope wrote it; run the fleet again") from None
 
-    def make_current(self, bases: Mapping[str, Iterable[str]]) -> None:
+    def make_current(
+        self, name: str, limits: TaskLimits, setups: Mapping[str, tuple[MachineSetup, ...]]
+    ) -> None:
         """Say which setups count from now on; machines that are not named keep theirs."""
-        before = self.current()
-        now = {**before, **{machine: sorted(each) for machine, each in bases.items()}}
-        if now != before:
-            written = json.dumps(dict(sorted(now.items())), indent=1)
-            self.store.write(CURRENT, written.encode())
+        machines = dict(self.current.machines)
+        for machine, each in setups.items():
+            bases = sorted(setup.basis for setup in each)
+            machines[machine] = CurrentMachine(files=each[0].files, bases=tuple(bases))
+        now = LastRun(fleet=name, limits=limits, machines=dict(sorted(machines.items())))
+        if now != self.current:
+            self.store.write(CURRENT, now.model_dump_json(indent=1).encode())
 
 
 def fleet_results(place: str) -> FleetResults:

@@ -2,18 +2,19 @@
 
 import datetime as dt
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
+from analysis.fleet.days import UNDATED
 from estimators.errors import PayscopeError
 from replay.fleet.engine import Engine, Lost, Work
-from replay.fleet.fleet_file import Fleet
+from replay.fleet.fleet_file import TaskLimits
 from replay.fleet.gathered import FleetResults
 from replay.fleet.layout import MARK, RECORDINGS, name_of
-from replay.fleet.setups import UNDATED, setup_on
+from replay.fleet.setups import CALIBRATIONS, MachineSetup, setup_on
 from replay.fleet.sources import FleetLog
 from replay.fleet.store import S3, Store
 from replay.fleet.task import Outcome, ReplayTask, replay_one
@@ -21,7 +22,27 @@ from replay.inputs import versions
 
 #: Recordings that a run could not replay, and why, by source.
 FAILED: Final = "failed.json"
-#: Told how many recordings are done of how many, and each that is.
+
+
+class FleetPlan(Protocol):
+    """Says how each log is replayed: a fleet file, or what was kept of one."""
+
+    @property
+    def name(self) -> str:
+        """The fleet's name."""
+        ...
+
+    @property
+    def limits(self) -> TaskLimits:
+        """What one recording may take."""
+        ...
+
+    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+        """How a log is to be replayed, the first setup that holds on its day."""
+        ...
+
+
+#: Told each log that is done, and what became of it.
 OnDone = Callable[[FleetLog, Outcome], None]
 
 
@@ -74,7 +95,7 @@ class FleetRun:
 
 def fleet_run(
     logs: Sequence[FleetLog],
-    fleet: Fleet,
+    plan: FleetPlan,
     destination: str,
     engine: Callable[[], AbstractContextManager[Engine]],
     on_done: OnDone = lambda _, __: None,
@@ -88,7 +109,7 @@ def fleet_run(
 
     Args:
         logs: of `fleet_logs`.
-        fleet: how each is replayed.
+        plan: how each is replayed.
         destination: a folder, or `s3://bucket/prefix`.
         recordings: whether every recording's `.rrd` is kept.
         engine: opens one; not called where nothing is to be done.
@@ -98,11 +119,12 @@ def fleet_run(
     place = destination if destination.startswith(S3) else str(Path(destination).absolute())
     results = FleetResults(Store(place))
     did = FleetRun(destination)
-    tasks, bases = _planned(logs, fleet, place, did, recordings=recordings)
+    tasks, setups = _planned(logs, plan, place, did, recordings=recordings)
     for source in did.failed:
         log = next(each for each in logs if each.source == source)
         on_done(log, Outcome("failed", did.failed[source]))
-    results.make_current(bases)
+    results.make_current(plan.name, plan.limits, setups)
+    _remember_calibrations(results.store, setups)
     left, there = _left(tasks, results)
     for task, outcome in there:
         did.count(task.log.source, outcome)
@@ -128,23 +150,23 @@ def fleet_run(
 
 
 def _planned(
-    logs: Sequence[FleetLog], fleet: Fleet, place: str, did: FleetRun, *, recordings: bool
-) -> tuple[list[ReplayTask], dict[str, set[str]]]:
-    """A task a log, and of every machine the digests of its setups."""
+    logs: Sequence[FleetLog], plan: FleetPlan, place: str, did: FleetRun, *, recordings: bool
+) -> tuple[list[ReplayTask], dict[str, tuple[MachineSetup, ...]]]:
+    """A task a log, and the setups of every machine."""
     tasks: list[ReplayTask] = []
-    bases: dict[str, set[str]] = {}
+    by_machine: dict[str, tuple[MachineSetup, ...]] = {}
     here = versions()
     for log in logs:
         try:
-            setups = fleet.setups_of(log.source)
+            setups = plan.setups_of(log.source)
         except PayscopeError as error:
             did.failed[log.source] = str(error)
             continue
-        bases[setups[0].name] = {setup.basis for setup in setups}
-        memory = fleet.rules.limits.memory_bytes(log.size_bytes)
-        seconds = fleet.rules.limits.seconds
+        by_machine[setups[0].name] = setups
+        memory = plan.limits.memory_bytes(log.size_bytes)
+        seconds = plan.limits.seconds
         tasks.append(ReplayTask(log, setups, place, recordings, seconds, memory, here))
-    return tasks, bases
+    return tasks, by_machine
 
 
 def _left(
@@ -176,6 +198,20 @@ def _left(
         else:
             left.append(task)
     return left, there
+
+
+def _remember_calibrations(store: Store, setups: Mapping[str, tuple[MachineSetup, ...]]) -> None:
+    """Keep what the calibrations in use say, for the report."""
+    now = [each.calibration for machine in sorted(setups) for each in setups[machine]]
+    used = [each for each in now if each is not None]
+    try:
+        before = json.loads(store.read(CALIBRATIONS))
+    except FileNotFoundError:
+        before = []
+    kept = {(each["machine"], each["id"]): each for each in before}
+    kept |= {(each.machine, each.id): each.model_dump(mode="json") for each in used}
+    if list(kept.values()) != before:
+        store.write(CALIBRATIONS, json.dumps(list(kept.values()), indent=1).encode())
 
 
 def _remember_failed(store: Store, did: FleetRun, asked: set[str]) -> None:

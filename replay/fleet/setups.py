@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from analysis.fleet.lines import FleetCalibration, of_calibration
 from analysis.fleet.tables import TABLES
 from analysis.machine import Machine
 from analysis.stamps import FIRST_DATE_NS
@@ -18,8 +19,24 @@ from replay.machine_file import load_machine
 
 #: Raised whenever results that are there have to be made anew.
 FORMAT: Final = 1
-UNDATED: Final = "undated"
 _S: Final = 10**9
+#: Calibrations that were in use, beside the results.
+CALIBRATIONS: Final = "calibrations.json"
+
+
+@dataclass(frozen=True)
+class NamedFiles:
+    """What a fleet file names for a machine.
+
+    Attributes:
+        file: machine file.
+        overrides: `key=value`, of that.
+        calibrations: folders of evidence.
+    """
+
+    file: str
+    overrides: tuple[str, ...] = ()
+    calibrations: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -28,6 +45,7 @@ class MachineSetup:
 
     Attributes:
         name: of the machine, by the fleet file.
+        files: that it was read from.
         machine: as resolved.
         by: the evidence that calibrates it; None for none.
         first: first day that the evidence is of.
@@ -35,6 +53,7 @@ class MachineSetup:
     """
 
     name: str
+    files: NamedFiles
     machine: Machine
     by: MachineCalibration | None
     first: dt.date
@@ -52,38 +71,43 @@ class MachineSetup:
             return None
         return dt.datetime.fromtimestamp(unix_ns // _S, self.machine.machine.zone).date()
 
+    @property
+    def calibration(self) -> FleetCalibration | None:
+        """Its calibration, as a fleet compares it."""
+        if self.by is None:
+            return None
+        document = self.by.document
+        days = (self.first, document.expires)
+        return of_calibration(self.name, document.id, days, self.by.calibration)
 
-def machine_setups(
-    name: str, file: str, overrides: Sequence[str], folders: Sequence[str], *, lenient: bool
-) -> tuple[MachineSetup, ...]:
+
+def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[MachineSetup, ...]:
     """A setup a calibration, the latest first, and one without any.
 
     Args:
         name: of the machine.
-        file: its machine file.
-        overrides: `key=value`, of that.
-        folders: evidence; checks of a known mass among them are passed over.
+        files: machine file and evidence; checks of a known mass among it are passed over.
         lenient: leave out evidence of other settings.
 
     Raises:
         PayscopeError: the machine file is wrong, or evidence is wrong or of another machine.
     """
-    machine = load_machine(file, overrides)
+    machine = load_machine(files.file, files.overrides)
     calibrations: list[MachineCalibration] = []
-    for folder in folders:
-        if _is_check(Path(folder)):
+    for folder in map(Path, files.calibrations):
+        if _is_check(folder):
             continue
-        by = load_calibration(AskedCalibration(Path(folder)))
+        by = load_calibration(AskedCalibration(folder))
         try:
-            by.checked(by.weighing(machine), file)
+            by.checked(by.weighing(machine), files.file)
         except EvidenceError:
             if not lenient:
                 raise
             continue
         calibrations.append(by)
     calibrations.sort(key=_last_day, reverse=True)
-    calibrated = [_setup(name, by.weighing(machine), by) for by in calibrations]
-    return (*calibrated, _setup(name, machine, None))
+    calibrated = [_setup(name, files, by.weighing(machine), by) for by in calibrations]
+    return (*calibrated, _setup(name, files, machine, None))
 
 
 def setup_on(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetup:
@@ -91,7 +115,9 @@ def setup_on(setups: Sequence[MachineSetup], day: dt.date | None) -> MachineSetu
     return next(each for each in setups if each.holds_on(day))
 
 
-def _setup(name: str, machine: Machine, by: MachineCalibration | None) -> MachineSetup:
+def _setup(
+    name: str, files: NamedFiles, machine: Machine, by: MachineCalibration | None
+) -> MachineSetup:
     whole = {
         "format": FORMAT,
         "tables": list(TABLES),
@@ -103,7 +129,7 @@ def _setup(name: str, machine: Machine, by: MachineCalibration | None) -> Machin
     }
     basis = hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()
     first = dt.date.min if by is None else _last_day(by)
-    return MachineSetup(name, machine, by, first, basis)
+    return MachineSetup(name, files, machine, by, first, basis)
 
 
 def _last_day(by: MachineCalibration) -> dt.date:

@@ -84,7 +84,8 @@ def _of_bucket(source: str) -> list[FleetLog]:
     for magic in _MAGIC:
         fixed = fixed.partition(magic)[0]
     folder = fixed if fixed == inside else fixed.rpartition("/")[0]
-    objects = store_of(place).objects(folder.rstrip("/"))
+    one = store_of(place).object(inside) if inside and fixed == inside else None
+    objects = [one] if one is not None else store_of(place).objects(folder.rstrip("/"))
     by_name = {each.name: each for each in objects}
     if fixed != inside:
         by_name = {n: o for n, o in by_name.items() if PurePosixPath(n).match(inside)}

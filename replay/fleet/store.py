@@ -5,7 +5,7 @@ is how an object is put.
 """
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import timedelta
@@ -61,11 +61,7 @@ class Store:
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
         found = [
-            StoredObject(
-                each["path"],
-                each["size"],
-                each["e_tag"] or str(int(each["last_modified"].timestamp() * 1e6)),
-            )
+            _object(each)
             for batch in self._said(prefix, lambda: list(self._store.list(prefix or None)))
             for each in batch
         ]
@@ -73,12 +69,12 @@ class Store:
 
     def has(self, name: str) -> bool:
         """Whether there is such an object."""
-        return self.size(name) is not None
+        return self.object(name) is not None
 
-    def size(self, name: str) -> int | None:
-        """The size of an object in bytes; None where there is none."""
+    def object(self, name: str) -> StoredObject | None:
+        """An object by its name; None where there is none."""
         try:
-            return int(self._said(name, lambda: self._store.head(name))["size"])
+            return _object(self._said(name, lambda: self._store.head(name)))
         except FileNotFoundError:
             return None
 
@@ -141,6 +137,11 @@ class Store:
         except (BaseError, OSError) as error:
             first = str(error).strip().partition("\n")[0]
             raise OutputError(f"{self.full_name(name)}: {first}") from None
+
+
+def _object(said: Mapping[str, Any]) -> StoredObject:
+    changed = str(int(said["last_modified"].timestamp() * 1e6))
+    return StoredObject(said["path"], said["size"], said["e_tag"] or changed)
 
 
 @cache

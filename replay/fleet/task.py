@@ -15,6 +15,7 @@ import polars as pl
 from analysis.calibration.learnt import contradiction
 from analysis.cycles.calibrated import calibrated_cycles
 from analysis.cycles.shift import recounted
+from analysis.fleet.days import UNDATED
 from analysis.fleet.tables import GATE_SHARES, QUALITY, result_of, tables_of
 from analysis.run import Run
 from estimators.errors import DataError, LogError, PayscopeError
@@ -22,7 +23,7 @@ from recordings import write_recording
 from recordings.review.state import state_of
 from replay.fleet.layout import MARK, ResultName, key_of, write_result
 from replay.fleet.limits import LimitError, limited
-from replay.fleet.setups import UNDATED, MachineSetup, setup_on
+from replay.fleet.setups import MachineSetup, setup_on
 from replay.fleet.sources import FleetLog
 from replay.fleet.store import Store, store_of
 from replay.inputs import versions
@@ -81,8 +82,8 @@ def replay_one(task: ReplayTask) -> Outcome:
     if other:
         return Outcome("failed", f"its node has {', '.join(other)}")
     try:
-        with limited(task.seconds, task.memory_bytes), _fetched(task.log) as path:
-            made = _replayed(task, path)
+        with limited(task.seconds, task.memory_bytes), fetched(task.log) as path:
+            made = _result(task, path)
     except LimitError as error:
         return Outcome("failed", str(error))
     except MemoryError:
@@ -95,7 +96,7 @@ def replay_one(task: ReplayTask) -> Outcome:
     return Outcome(made.status, made.reason, made.seconds, whole_s - made.seconds)
 
 
-def _replayed(task: ReplayTask, path: Path) -> Outcome:
+def _result(task: ReplayTask, path: Path) -> Outcome:
     setup, day = task.setups[-1], None
     store = store_of(task.destination)
     try:
@@ -107,7 +108,7 @@ def _replayed(task: ReplayTask, path: Path) -> Outcome:
             if result.is_there(store):
                 return Outcome("there")
             began = time.perf_counter()
-            made = _run(log, setup, task.log.source)
+            made = replayed(log, setup, task.log.source)
             took_s = time.perf_counter() - began
     except (LogError, DataError) as error:
         # of this log alone: made anew, it would be refused again
@@ -162,7 +163,12 @@ class _Result:
         write_result(store, self._name, t0_unix_ns, frames, {**whole, **said})
 
 
-def _run(log: Log, setup: MachineSetup, source: str) -> Run:
+def replayed(log: Log, setup: MachineSetup, source: str) -> Run:
+    """Replay a log, with masses and payloads on the line of its calibration, if it has one.
+
+    Raises:
+        PayscopeError: the log cannot be replayed.
+    """
     try:
         made = run(log, setup.machine)
     except DataError as error:
@@ -199,7 +205,7 @@ def _kept(made: Run, setup: MachineSetup) -> tuple[dict[str, pl.DataFrame], dict
 
 
 @contextmanager
-def _fetched(log: FleetLog) -> Generator[Path]:
+def fetched(log: FleetLog) -> Generator[Path]:
     """The log as a file or folder; of object storage, a copy that is removed again."""
     if not log.place:
         yield Path(log.source)
