@@ -5,9 +5,11 @@ import importlib.util
 import logging
 import os
 import signal
+import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any, Final
 
 from estimators.errors import FleetError
@@ -76,9 +78,26 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
         with suppress(ValueError):
             signal.signal(number, handler)
     try:
-        yield RayEngine(ray)
+        # what has died is in the results; Ray would print it where data is printed
+        with redirect_stdout(_WithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
+            yield RayEngine(ray)
     finally:
         ray.shutdown()
+
+
+class _WithoutRay:
+    """A stream without what Ray's own threads write to it."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write, unless it is Ray who does."""
+        mine = not threading.current_thread().name.startswith("ray_")
+        return self._stream.write(text) if mine else len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 class RayEngine:
