@@ -7,6 +7,7 @@
     ├── CampaignError       a campaign file of a calibration is wrong, or its runs give no reading
     ├── EvidenceError       evidence, or a key, cannot be read or written as asked
     ├── ReviewError         a reviewer's verdicts are wrong, or a folder is no review's
+    ├── FleetError          a fleet file, its engine, or what is asked of a fleet's results is wrong
     ├── RecordingError      a recording cannot be read, or does not hold what was asked for
     ├── DataError           the samples cannot be worked with (lengths, no common time, no numbers)
     └── OutputError         an output cannot be written, or is there already
@@ -47,6 +48,10 @@ class EvidenceError(PayscopeError):
 
 class ReviewError(PayscopeError):
     """A reviewer's verdicts are wrong, or a folder cannot take a review."""
+
+
+class FleetError(PayscopeError):
+    """A fleet file, its engine, or what is asked of a fleet's results is wrong."""
 
 
 class RecordingError(PayscopeError):

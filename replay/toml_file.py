@@ -77,7 +77,8 @@ def validate(
 def explain(fault: ValidationError, model: type[BaseModel]) -> str:
     """Say in one line what is wrong, where, and what was probably meant."""
     details = fault.errors(include_url=False)
-    first = details[0]
+    # a required key that is misspelt is missing as well
+    first = next((each for each in details if each["type"] == "extra_forbidden"), details[0])
     location, kind, why = first["loc"], first["type"], first.get("ctx", {})
     steps, table = _walk(model, location[:-1] if kind == "extra_forbidden" else location)
     key = ".".join(steps)

@@ -24,10 +24,11 @@ ORDER = (
     ("analysis/diagnosis",),
     ("analysis/findings",),
     ("analysis/calibration", "analysis/experiment_design"),
-    ("analysis/cycles", "analysis/reproduction"),
+    ("analysis/cycles", "analysis/fleet", "analysis/reproduction"),
     ("recordings",),
     ("recordings/evidence", "recordings/reproduction"),
-    ("recordings/review",),
+    ("recordings/pages",),
+    ("recordings/fleet", "recordings/review"),
     ("replay/messages",),
     ("replay/decoding",),
     ("replay/writers",),
@@ -37,6 +38,7 @@ ORDER = (
     ("replay/readers/rosbag2",),
     ("replay/readers",),
     ("replay",),
+    ("replay/fleet",),
     ("replay/commands",),
 )
 SHOWN = "\n".join(f"{number:4}  {', '.join(folders)}" for number, folders in enumerate(ORDER, 1))
@@ -61,6 +63,8 @@ OWNERS = {
     "rosbags": "replay",
     "mcap": "replay",
     "typer": "replay",
+    "ray": "replay",
+    "obstore": "replay",
 }
 FILES = [path for package in HOUSE for path in sorted((REPO / package).rglob("*.py"))]
 
@@ -175,8 +179,9 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
         for module, name in _imported(path)
         if module.startswith("replay.readers")
     }
-    # `Checked` is what `Log.check` returns, `logs_in` which logs a folder holds
-    assert names == {"Checked", "Log", "TimeAxis", "logs_in", "open_log"}
+    # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
+    # a storage without folders, holds
+    assert names == {"Checked", "Log", "TimeAxis", "logs_among", "logs_in", "open_log"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=shown)

@@ -1,26 +1,20 @@
 """The page of a review: one file that a person reads on a phone, at a desk or on paper."""
 
-import base64
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
-from importlib.resources import files
 from typing import Any, Final, NamedTuple
 
 import polars as pl
 
 from analysis.cycles.target import TargetCheck
-from estimators.errors import counted, one_line
-from recordings.evidence.figures import WIDTH
+from estimators.errors import counted
+from recordings.pages.render import page_html
 from recordings.review.plots import pictures
 from recordings.review.state import RECORDING, ReviewState
-from recordings.wording import number, plus_minus
+from recordings.wording import plus_minus
 
 PAGE: Final = "review.html"
 _TEMPLATE: Final = "review.html.j2"
-_SCRIPT: Final = "review.js"
-_HERE: Final = "/* review.js */"
 NOT_CALIBRATED: Final = "Payloads are not calibrated"
 #: Of an interval with a confidence of 95 %.
 K: Final = 2.0
@@ -73,25 +67,11 @@ class ReviewPage:
 
 def review_html(page: ReviewPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(
-        undefined=StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_shown,
-    )
-    environment.filters["number"] = number
-    environment.filters["percent"] = _percent
-    here = files("recordings.review")
-    script = here.joinpath(_SCRIPT).read_text(encoding="utf-8")
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     state, shift = page.state, page.shift
     said = page.ledger.filter(pl.col("author") != "").height
-    # our own file, so part of the template: no text of a log is in it
-    source = here.joinpath(_TEMPLATE).read_text(encoding="utf-8").replace(_HERE, script)
-    return environment.from_string(source).render(
+    return page_html(
+        "recordings.review",
+        _TEMPLATE,
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
         duration=f"{shift['duration_s'] / 3600.0:.2f} h",
@@ -103,13 +83,10 @@ def review_html(page: ReviewPage) -> str:
         numeric=_NUMERIC,
         cycles=[_row(row) for row in page.ledger.iter_rows(named=True)],
         pictures=pictures(page.ledger, state, page.target, page.track),
-        width=WIDTH,
         changes=page.changes,
         verdicts=f"{counted(said, 'cycle')} with a reviewer's verdict",
         calibration=page.calibration.says or "none: masses are by the machine file alone",
         friction=_friction(state),
-        version=version("payscope"),
-        script_hash=f"sha256-{digest}",
     )
 
 
@@ -224,15 +201,6 @@ def _warnings(page: ReviewPage) -> list[str]:
             "tell a mass."
         )
     return found
-
-
-def _shown(value: object) -> object:
-    """A text without what a browser obeys or hides: control characters, turned writing."""
-    return one_line(value) if type(value) is str else value
-
-
-def _percent(share: float | None) -> str:
-    return "–" if share is None else f"{share:.2%}"
 
 
 def _friction(state: ReviewState) -> str:

@@ -21,6 +21,7 @@ from replay.commands import (
     compare,
     demo,
     excite,
+    fleet,
     info,
     init,
     plot,
@@ -48,6 +49,7 @@ _COMMANDS = (
 )
 for _command in _COMMANDS:
     app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
+app.add_typer(fleet.app, name="fleet")
 
 
 @app.callback(invoke_without_command=True)

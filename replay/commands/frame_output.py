@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ from replay.commands.printing import json_text
 
 #: What `-o` may end in.
 _WRITTEN = ("csv", "json", "parquet")
+#: Characters of a line of a table.
+_NO_LIMIT = 10_000
 
 
 def format_of(asked: str | None, output: Path | None) -> str:
@@ -82,3 +84,19 @@ def print_frame(
             partial.write_bytes(written.getvalue())
         else:
             partial.write_text(text(), encoding="utf-8")
+
+
+def frame_text(frame: pl.DataFrame, rows: int) -> str:
+    """A frame as text, with lines as long as they must be: broken cells cannot be read."""
+    text = StringIO()
+    with pl.Config(
+        tbl_rows=rows,
+        tbl_cols=-1,
+        tbl_width_chars=_NO_LIMIT,
+        fmt_str_lengths=80,
+        tbl_hide_column_data_types=True,
+        tbl_formatting="NOTHING",
+        tbl_hide_dataframe_shape=True,
+    ):
+        print(frame, file=text)
+    return text.getvalue()

@@ -14,14 +14,10 @@ from replay.commands.options import (
 )
 
 if TYPE_CHECKING:
-    import polars as pl
-
     from replay.calibrated import AskedCalibration
 
 #: A table on a screen shows its ends; --format csv or -o gives every row.
 _ROWS_SHOWN: Final = 40
-#: Characters of a line of a table.
-_NO_LIMIT: Final = 10_000
 
 
 def command(
@@ -97,7 +93,7 @@ def _show_stage(
 ) -> None:
     """Print the rows of one stage from one second to another, or write them to `output`."""
     from recordings.output import check_output, keep_apart
-    from replay.commands.frame_output import format_of, print_frame
+    from replay.commands.frame_output import format_of, frame_text, print_frame
     from replay.show import Stage
 
     recording, name, calibration = asked
@@ -111,7 +107,7 @@ def _show_stage(
     stage = stage.between(*seconds)
     if output is None and output_format == "table":
         rows = stage.readable()
-        typer.echo(_table(rows, _ROWS_SHOWN), nl=False)
+        typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
         if rows.height > _ROWS_SHOWN:
             typer.echo(
                 f"{rows.height} rows, {_ROWS_SHOWN} shown; --from and --to choose, "
@@ -124,25 +120,5 @@ def _show_stage(
         output_format,
         output,
         force=force,
-        table=lambda: _table(stage.readable(), stage.rows.height),
+        table=lambda: frame_text(stage.readable(), stage.rows.height),
     )
-
-
-def _table(frame: "pl.DataFrame", rows: int) -> str:
-    """A frame as text, with lines as long as they must be: broken cells cannot be read."""
-    import io
-
-    import polars as pl
-
-    text = io.StringIO()
-    with pl.Config(
-        tbl_rows=rows,
-        tbl_cols=-1,
-        tbl_width_chars=_NO_LIMIT,
-        fmt_str_lengths=80,
-        tbl_hide_column_data_types=True,
-        tbl_formatting="NOTHING",
-        tbl_hide_dataframe_shape=True,
-    ):
-        print(frame, file=text)
-    return text.getvalue()

@@ -1,7 +1,7 @@
 """Readers: one log, one table of formats. Outside of here a log is what these names are."""
 
-from replay.readers.folder import logs_in
+from replay.readers.folder import logs_among, logs_in
 from replay.readers.formats import open_log
 from replay.readers.log import Checked, Log, TimeAxis
 
-__all__ = ["Checked", "Log", "TimeAxis", "logs_in", "open_log"]
+__all__ = ["Checked", "Log", "TimeAxis", "logs_among", "logs_in", "open_log"]

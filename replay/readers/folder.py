@@ -1,7 +1,7 @@
 """Several logs: as named, or all that a folder holds."""
 
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Final
 
 from estimators.errors import LogError
@@ -27,6 +27,28 @@ def logs_in(named: Sequence[Path]) -> list[Path]:
     """
     found = [log for path in named for log in (_of_folder(path) if _is_folder(path) else [path])]
     return list({path.resolve(): path for path in found}.values())
+
+
+def logs_among(names: Sequence[str]) -> dict[str, list[str]]:
+    """The logs among objects of a storage that has no folders, each with its objects.
+
+    Bags, and directories with metadata; where there is neither, tables.
+
+    Args:
+        names: with slashes.
+    """
+    paths = [PurePosixPath(name) for name in sorted(names)]
+    directories = {path.parent for path in paths if path.name == _METADATA}
+    found: dict[str, list[str]] = {}
+    tables: dict[str, list[str]] = {}
+    for path in paths:
+        if path.parent in directories:
+            found.setdefault(str(path.parent), []).append(str(path))
+        elif path.suffix.lower() in _BAGS:
+            found[str(path)] = [str(path)]
+        elif path.suffix.lower() in _TABLES:
+            tables[str(path)] = [str(path)]
+    return found or tables
 
 
 def _is_folder(path: Path) -> bool:

@@ -1,6 +1,5 @@
 "use strict";
 const said = document.getElementById("said");
-const table = document.getElementById("cycles");
 const key = (row, at) => {
   const cell = row.cells[at];
   const text = cell.dataset.v === undefined ? cell.textContent : cell.dataset.v;
@@ -11,6 +10,7 @@ const order = (a, b) => {
   return typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b));
 };
 const sort = (head) => {
+  const table = head.closest("table");
   const up = head.getAttribute("aria-sort") !== "ascending";
   for (const other of head.parentNode.cells) other.removeAttribute("aria-sort");
   head.setAttribute("aria-sort", up ? "ascending" : "descending");
@@ -46,7 +46,7 @@ const copy = async (button) => {
   }
   said.textContent = done ? "copied: " + text : "cannot copy here: select the text";
 };
-if (table) {
+for (const table of document.querySelectorAll("table.sorted")) {
   table.addEventListener("click", (event) => {
     const button = event.target.closest("button");
     if (!button) return;

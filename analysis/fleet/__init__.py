@@ -1,0 +1,1 @@
+"""A fleet's results over machines and days: tables, control charts, what needs a look."""

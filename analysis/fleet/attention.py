@@ -1,0 +1,120 @@
+"""Recordings that need a look, the most urgent first, each with its place."""
+
+from typing import Final
+
+import polars as pl
+
+_NS: Final = 1e9
+#: The gate accepts at least this share of a recording that works.
+_LOW: Final = 0.02
+#: One cycle in so many may be without a mass.
+_MANY: Final = 5
+#: So few loads of a machine do not tell which is far from the others.
+_FEW: Final = 20
+#: A payload is far from the others beyond so many of their deviations.
+_FAR: Final = 6.0
+_MAD: Final = 1.4826
+
+
+def needs_a_look(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
+    """Rank recordings by what is wrong with them.
+
+    Args:
+        results: table `results`.
+        cycles: table `cycles`.
+
+    Returns:
+        key, machine, day, source, weight, why, at_s: the recordings with a reason, the largest
+        weight first; reasons of one recording in one sentence, its place that of the weightiest.
+    """
+    without = (
+        cycles.filter(pl.col("payload_kg").is_null())
+        .group_by("key")
+        .agg((pl.col("start_t_ns").min() / _NS).alias("without_at_s"))
+        .collect()
+    )
+    placed = results.join(without, on="key", how="left")
+    reasons = pl.concat([*_of_results(placed), _of_cycles(cycles)])
+    ranked = (
+        reasons.sort("weight", "why", descending=[True, False])
+        .group_by("key", maintain_order=True)
+        .agg(
+            pl.col("weight").sum(),
+            pl.col("why").str.join("; "),
+            pl.col("at_s").drop_nulls().first(),
+        )
+    )
+    of = results.select("key", "machine", "day", "source")
+    return (
+        ranked.join(of, on="key", how="inner")
+        .select("key", "machine", "day", "source", "weight", "why", pl.col("at_s").fill_null(0.0))
+        .sort(["weight", "machine", "day", "key"], descending=[True, False, False, False])
+    )
+
+
+def _of_results(results: pl.DataFrame) -> list[pl.DataFrame]:
+    """A frame a reason: the recordings that have it."""
+    missing, cycles = pl.col("cycles_without_mass"), pl.col("cycles")
+    lost = pl.col("lost_cycles")
+    failed = pl.col("failed_checks")
+    reasons: tuple[tuple[float, pl.Expr, pl.Expr, str], ...] = (
+        (100.0, pl.col("status") == "refused", pl.format("refused: {}", "reason"), ""),
+        (50.0, ~pl.col("can_weigh"), pl.format("cannot weigh: {}", failed), ""),
+        (
+            30.0,
+            pl.col("not_calibrated_for") != "",
+            pl.format("not calibrated: {}", "not_calibrated_for"),
+            "",
+        ),
+        (
+            15.0,
+            lost >= 1.0,
+            pl.format("about {} cycles in gaps", lost.round(1)),
+            "longest_gap_at_s",
+        ),
+        (
+            15.0,
+            (missing > 0) & (missing * _MANY >= cycles),
+            pl.format("{} of {} cycles without a mass", missing, cycles),
+            "without_at_s",
+        ),
+        (10.0, pl.col("losses") > 0, pl.format("lost: {}", "first_loss"), ""),
+        (8.0, pl.col("accepted_1") < _LOW, pl.lit("the gate accepted less than a fiftieth"), ""),
+        (5.0, pl.col("can_weigh") & (failed != ""), pl.format("checks failed: {}", failed), ""),
+    )
+    return [
+        results.filter(when).select(
+            "key",
+            pl.lit(weight).alias("weight"),
+            why.alias("why"),
+            (pl.col(place) if place else pl.lit(None)).cast(pl.Float64).alias("at_s"),
+        )
+        for weight, when, why, place in reasons
+    ]
+
+
+def _of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
+    """Payloads far from those of the same machine, by median and median absolute deviation."""
+    payload = pl.col("payload_kg")
+    apart = (payload - payload.median().over("machine")).abs().alias("apart")
+    spread = (pl.col("apart").median().over("machine") * _MAD).clip(1e-9)
+    farthest = pl.all().sort_by("apart", "cycle").last()
+    return (
+        cycles.filter("counted")
+        .select("key", "machine", "cycle", "start_t_ns", "payload_kg")
+        .with_columns(apart)
+        .filter((pl.len().over("machine") > _FEW) & (pl.col("apart") > _FAR * spread))
+        .group_by("key")
+        .agg(pl.len().cast(pl.String).alias("number"), farthest)
+        .select(
+            "key",
+            pl.lit(12.0).alias("weight"),
+            pl.format(
+                "{} payloads far from the others, the farthest {} kg",
+                "number",
+                payload.round(0).cast(pl.Int64),
+            ).alias("why"),
+            (pl.col("start_t_ns") / _NS).alias("at_s"),
+        )
+        .collect()
+    )

@@ -1,0 +1,69 @@
+"""Two sets of results of the same logs: would the tonnes be others, where, and by how much."""
+
+from typing import Final, NamedTuple
+
+import polars as pl
+
+_LOG: Final = ("machine", "log_sha256")
+
+
+class FleetComparison(NamedTuple):
+    """A comparison of results A and B.
+
+    Attributes:
+        logs: a row a log that both have, the largest change first: machine, day, source, key and
+            key_b, payload_kg, payload_b_kg, change_kg, loads, loads_b, and whether A and B can
+            weigh.
+        machines: a row a machine: logs, payload_kg, payload_b_kg, change_kg, loads, loads_b.
+        only_a: logs that B does not have.
+        only_b: logs that A does not have.
+    """
+
+    logs: pl.DataFrame
+    machines: pl.DataFrame
+    only_a: int
+    only_b: int
+
+    @property
+    def whole(self) -> dict[str, float]:
+        """Sums over all logs that both have."""
+        return {
+            "logs": self.logs.height,
+            "changed": int((self.logs["change_kg"] != 0.0).sum()),
+            **{name: float(self.logs[name].sum()) for name in _ADDED},
+        }
+
+
+_ADDED: Final = ("payload_kg", "payload_b_kg", "change_kg", "loads", "loads_b")
+
+
+def compared(a: pl.DataFrame, b: pl.DataFrame) -> FleetComparison:
+    """Compare two tables `results`, log by log."""
+    columns = ("key", "payload_kg", "cycles_counted", "can_weigh")
+    both = (
+        a.select(*_LOG, "day", "source", *columns)
+        .join(b.select(*_LOG, *columns), on=list(_LOG), how="inner", suffix="_b")
+        .select(
+            "machine",
+            "day",
+            "source",
+            "key",
+            "key_b",
+            pl.col("payload_kg").fill_null(0.0),
+            pl.col("payload_kg_b").fill_null(0.0).alias("payload_b_kg"),
+            pl.col("cycles_counted").fill_null(0).alias("loads"),
+            pl.col("cycles_counted_b").fill_null(0).alias("loads_b"),
+            "can_weigh",
+            "can_weigh_b",
+        )
+        .with_columns((pl.col("payload_b_kg") - pl.col("payload_kg")).alias("change_kg"))
+    )
+    by_change = [pl.col("change_kg").abs(), pl.col("machine"), pl.col("day"), pl.col("key")]
+    return FleetComparison(
+        both.sort(by_change, descending=[True, False, False, False]),
+        both.group_by("machine")
+        .agg(pl.len().cast(pl.Int64).alias("logs"), pl.col(_ADDED).sum())
+        .sort("machine"),
+        a.height - both.height,
+        b.height - both.height,
+    )

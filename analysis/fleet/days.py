@@ -1,0 +1,101 @@
+"""What a machine's days say of its zero, its scale and its friction; tonnes by week."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import polars as pl
+
+UNDATED: Final = "undated"
+
+
+def daily(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
+    """A row a machine and day, in time.
+
+    Args:
+        results: table `results`.
+        cycles: table `cycles`.
+
+    Returns:
+        machine, day (Date), recordings, loads, payload_kg (sum), hours, and for the charts:
+        zero_kg (mean mass of the empty passes), load_kg (mean payload), friction_N_s_m (mean by the
+        recordings' joint fits), each null where there is none; calibration (of the day).
+    """
+    dated = results.filter(pl.col("day") != UNDATED)
+    of_cycles = (
+        cycles.filter(pl.col("day") != UNDATED)
+        .group_by("machine", "day")
+        .agg(
+            pl.col("empty_after_kg").mean().alias("zero_kg"),
+            pl.col("payload_kg").filter("counted").mean().alias("load_kg"),
+        )
+        .collect()
+    )
+    of_results = dated.group_by("machine", "day").agg(
+        pl.len().cast(pl.Int64).alias("recordings"),
+        pl.col("cycles_counted").sum().alias("loads"),
+        pl.col("payload_kg").sum(),
+        (pl.col("duration_s").sum() / 3600.0).alias("hours"),
+        pl.col("friction_x_N_s_m").mean().alias("friction_N_s_m"),
+        pl.col("calibration").max(),
+    )
+    return (
+        of_results.join(of_cycles, on=["machine", "day"], how="left")
+        .with_columns(pl.col("day").str.to_date())
+        .sort("machine", "day")
+    )
+
+
+def weekly(results: pl.DataFrame) -> pl.DataFrame:
+    """Tonnes a machine and week.
+
+    Random parts of recordings add up in squares; common parts as they are, since a machine's error
+    of scale is in all of them.
+
+    Args:
+        results: table `results`.
+
+    Returns:
+        machine, week (Date of its Monday), loads, payload_kg, payload_u_kg.
+    """
+    week = pl.col("day").str.to_date().dt.truncate("1w").alias("week")
+    dated = results.filter(pl.col("day") != UNDATED)
+    return sums(dated.with_columns(week), ["machine", "week"])
+
+
+def sums(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
+    """Recordings, loads and tonnes by some columns; see `weekly`."""
+    return (
+        results.group_by(by)
+        .agg(
+            pl.len().cast(pl.Int64).alias("recordings"),
+            pl.col("cycles_counted").sum().alias("loads"),
+            pl.col("payload_kg").sum(),
+            _random().alias("payload_u_random_kg"),
+            pl.col("payload_u_common_kg").sum(),
+        )
+        .with_columns(
+            (pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2)
+            .sqrt()
+            .alias("payload_u_kg")
+        )
+        .sort(by)
+    )
+
+
+def whole(machines: pl.DataFrame) -> Mapping[str, float]:
+    """The sum over machines: what is common to one's recordings is not common to two machines.
+
+    Args:
+        machines: `sums` by machine.
+    """
+    u_kg = float((machines["payload_u_kg"] ** 2).sum()) ** 0.5
+    return {
+        "payload_kg": float(machines["payload_kg"].sum()),
+        "payload_u_kg": u_kg,
+        "loads": int(machines["loads"].sum()),
+        "recordings": int(machines["recordings"].sum()),
+    }
+
+
+def _random() -> pl.Expr:
+    return (pl.col("payload_u_random_kg") ** 2).sum().sqrt()

@@ -1,0 +1,362 @@
+"""`payscope fleet`: many recordings replayed on an engine, and queried as one table."""
+
+import datetime as dt
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from replay.commands.options import FrameFormat
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from contextlib import AbstractContextManager
+
+    from analysis.fleet.comparison import FleetComparison
+    from replay.fleet.compare import Days
+    from replay.fleet.engine import Engine
+    from replay.fleet.gathered import FleetResults
+    from replay.fleet.run import FleetRun
+
+app = typer.Typer(
+    help="Replay a fleet's recordings on an engine; query, report and compare the results.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+Results = Annotated[
+    str, typer.Argument(metavar="DEST", help="Results of `fleet run`: a folder, or s3://….")
+]
+Address = Annotated[
+    str | None,
+    typer.Option(metavar="HOST:PORT", help="A Ray cluster's head; default: this machine alone."),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Recordings at once on this machine; default: one a processor."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print it as JSON.")]
+First = Annotated[
+    str | None, typer.Option("--from", metavar="DAY", help="First day, such as 2026-10-01.")
+]
+Last = Annotated[str | None, typer.Option("--to", metavar="DAY", help="Last day.")]
+_SHOWN: Final = 20
+#: A table on a screen shows its ends.
+_ROWS_SHOWN: Final = 40
+
+
+@app.callback(invoke_without_command=True)
+def _needs(context: typer.Context) -> None:
+    """Refuse in one line where the libraries of the extra are missing."""
+    from estimators.errors import FleetError
+    from replay.fleet.ray_engine import missing
+
+    name = missing()
+    if name is not None:
+        raise FleetError(f"fleet: {name} is not installed; pip install 'payscope[fleet]'")
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.command(name="run")
+def run_command(
+    sources: Annotated[
+        list[str],
+        typer.Argument(metavar="SOURCE...", help="Logs, folders, globs, or s3://bucket/prefix."),
+    ],
+    machines: Annotated[
+        Path, typer.Option("-m", "--machines", help="The fleet file: rules from logs to machines.")
+    ],
+    output: Annotated[
+        str, typer.Option("-o", "--output", help="Where results go: a folder, or s3://….")
+    ],
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override the machine files; repeatable."),
+    ] = None,
+    recordings: Annotated[
+        bool, typer.Option("--recordings", help="Keep every recording's .rrd as well.")
+    ] = False,
+    address: Address = None,
+    workers: Workers = None,
+    as_json: AsJson = False,
+) -> None:
+    """Replay the recordings whose results are not there; each result is made once.
+
+    Exit status 1 if a recording has no result.
+    """
+    from replay.commands.fleet_progress import FleetProgress
+    from replay.commands.printing import print_json
+    from replay.fleet.fleet_file import load_fleet
+    from replay.fleet.run import fleet_run
+    from replay.fleet.sources import fleet_logs
+
+    fleet = load_fleet(machines, tuple(overrides or ()))
+    with FleetProgress() as shown:
+        logs = fleet_logs(sources)
+        shown.begin(logs)
+        did = fleet_run(
+            logs,
+            fleet,
+            output,
+            _engine(address, workers),
+            shown.done,
+            shown.on_engine,
+            recordings=recordings,
+        )
+    if as_json:
+        print_json(did.to_dict())
+    else:
+        _print_run(did)
+    if did.failed:
+        raise typer.Exit(1)
+
+
+@app.command(name="query")
+def query_command(
+    destination: Results,
+    sql: Annotated[str, typer.Argument(metavar="SQL", help="A SELECT over the tables.")],
+    output_format: Annotated[
+        FrameFormat | None,
+        typer.Option("--format", help="Default: by the suffix of -o, or a table."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Write to this file instead of stdout.")
+    ] = None,
+    force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
+) -> None:
+    """Query all results: tables results, loads, segments, cycles, gate_shares, quality."""
+    from recordings.output import check_output
+    from replay.commands.frame_output import format_of, frame_text, print_frame
+    from replay.fleet.gathered import fleet_results
+    from replay.fleet.query import fleet_query
+
+    chosen = format_of(output_format and output_format.value, output)
+    if output is not None:
+        check_output(output, force=force)
+    rows = fleet_query(fleet_results(destination), sql)
+    if chosen == "table" and output is None and rows.height > _ROWS_SHOWN:
+        typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)
+        typer.echo(f"{rows.height} rows, {_ROWS_SHOWN} shown; --format csv gives all", err=True)
+        return
+    print_frame(rows, chosen, output, force=force, table=lambda: frame_text(rows, rows.height))
+
+
+@app.command(name="report")
+def report_command(
+    destination: Results,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The page (.html).")],
+    force: Annotated[bool, typer.Option(help="Replace an existing page.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Write one page over machines and weeks: tonnes, drift, what needs a look."""
+    from recordings.fleet.page import headline
+    from replay.commands.printing import console, print_json, print_line
+    from replay.fleet.gathered import fleet_results
+    from replay.fleet.report import fleet_report
+
+    results = fleet_results(destination)
+    made = fleet_report(results, destination, results.current.fleet, output, force=force)
+    said = made.to_dict()
+    if as_json:
+        print_json(said)
+        return
+    screen = console()
+    print_line(screen, headline(said["sum"], len(said["machines"])))
+    for each in said["drifts"]:
+        print_line(
+            screen,
+            f"{each['machine']}: {each['of']} {each['change']:+,.1f} {each['unit']} since "
+            f"{each['since']}, flagged {each['flagged']}",
+        )
+    print_line(screen, f"recordings that need a look: {len(said['to_look_at'])}")
+    print_line(screen, f"page: {made.path}")
+
+
+@app.command(name="compare")
+def compare_command(
+    a: Annotated[str, typer.Argument(metavar="A", help="Results of `fleet run`.")],
+    b: Annotated[
+        str | None, typer.Argument(metavar="B", help="Other results of the same logs.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Compare A with its logs replayed so; repeatable."
+        ),
+    ] = None,
+    first: First = None,
+    last: Last = None,
+    address: Address = None,
+    workers: Workers = None,
+    shown: Annotated[
+        int, typer.Option("-n", min=0, help="Recordings to list that differ most.")
+    ] = _SHOWN,
+    as_json: AsJson = False,
+) -> None:
+    """Tell whether other settings would have given other tonnes, where, and by how much.
+
+    Exit status 1 if they would.
+    """
+    from replay.commands.printing import print_json
+    from replay.fleet.compare import fleet_compare
+    from replay.fleet.gathered import fleet_results
+
+    if (b is None) == (not overrides):
+        raise typer.BadParameter("name other results, B, or settings, --set: one of both")
+    days = _days(first, last)
+    results = fleet_results(a)
+    if b is None:
+        other = _what_if(results, overrides or [], days, _engine(address, workers))
+    else:
+        other = fleet_results(b)
+    found = fleet_compare(results, other, days)
+    if as_json:
+        print_json(
+            {
+                "sum": found.whole,
+                "machines": found.machines.to_dicts(),
+                "recordings": found.logs.head(shown).to_dicts(),
+                "only_a": found.only_a,
+                "only_b": found.only_b,
+            }
+        )
+    else:
+        _print_comparison(found, a, shown)
+    if found.whole["changed"]:
+        raise typer.Exit(1)
+
+
+@app.command(name="open")
+def open_command(
+    destination: Results,
+    key: Annotated[str, typer.Argument(help="The result's key, or how it begins.")],
+    at_s: Annotated[
+        float | None, typer.Option("--at", help="Move the time cursor to this second of the run.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write the recording here instead of showing it."),
+    ] = None,
+    force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
+) -> None:
+    """Open a recording in the viewer; one that is not kept is made of its log."""
+    import shutil
+
+    from recordings.output import whole_file
+    from replay.fleet.gathered import fleet_results
+    from replay.fleet.open import recording_of
+    from replay.view import view
+
+    with recording_of(fleet_results(destination), key) as recording:
+        if output is None:
+            view(recording, at_s=at_s)
+            return
+        with whole_file(output, force=force) as written:
+            shutil.copyfile(recording, written)
+    typer.echo(output)
+
+
+def _engine(
+    address: str | None, workers: int | None
+) -> "Callable[[], AbstractContextManager[Engine]]":
+    from replay.fleet.ray_engine import ray_engine
+
+    if address is not None and workers is not None:
+        raise typer.BadParameter("--workers is of this machine; a cluster knows its own")
+    return partial(ray_engine, address, workers)
+
+
+def _days(first: str | None, last: str | None) -> "Days":
+    from replay.fleet.compare import Days
+
+    found: list[dt.date | None] = []
+    for name, text in (("--from", first), ("--to", last)):
+        try:
+            found.append(None if text is None else dt.date.fromisoformat(text))
+        except ValueError:
+            raise typer.BadParameter(f"{name} {text}: is no day; write it as 2026-10-01") from None
+    return Days(*found)
+
+
+def _what_if(
+    results: "FleetResults",
+    overrides: list[str],
+    days: "Days",
+    engine: "Callable[[], AbstractContextManager[Engine]]",
+) -> "FleetResults":
+    from replay.commands.fleet_progress import FleetProgress
+    from replay.fleet.compare import OnRun, what_if
+
+    with FleetProgress() as shown:
+        told = OnRun(shown.begin, shown.done, shown.on_engine)
+        other, did, gone = what_if(results, overrides, days, engine, told)
+    if gone:
+        typer.echo(f"{gone} logs are no longer where they were, and left out", err=True)
+    for source, why in sorted(did.failed.items()):
+        typer.echo(f"without a result: {source}: {why}", err=True)
+    return other
+
+
+def _print_run(did: "FleetRun") -> None:
+    from estimators.errors import counted
+    from replay.commands.printing import console, print_line
+
+    screen = console()
+    total = did.made + did.there + len(did.refused) + len(did.failed)
+    print_line(
+        screen,
+        f"{counted(total, 'recording')}: {did.made:,} replayed, {did.there:,} there already, "
+        f"{len(did.refused):,} refused, {len(did.failed):,} without a result",
+    )
+    for source, why in sorted(did.refused.items()):
+        print_line(screen, f"refused: {why if source in why else f'{source}: {why}'}")
+    for source, why in sorted(did.failed.items()):
+        print_line(screen, f"without a result: {why if source in why else f'{source}: {why}'}")
+    print_line(screen, f"results: {did.destination}")
+
+
+def _print_comparison(found: "FleetComparison", a: str, shown: int) -> None:
+    from replay.commands.printing import console, plain_table, print_line, print_table
+
+    screen = console()
+    whole = found.whole
+    print_line(
+        screen,
+        f"{whole['payload_kg'] / 1e3:,.3f} t in A, {whole['payload_b_kg'] / 1e3:,.3f} t in B: "
+        f"{whole['change_kg'] / 1e3:+,.3f} t ({_share(whole)}), by {whole['changed']:,.0f} of "
+        f"{whole['logs']:,.0f} recordings",
+    )
+    if found.only_a or found.only_b:
+        print_line(screen, f"not compared: {found.only_a} only in A, {found.only_b} only in B")
+    table = plain_table("machine", "recordings", "t in A", "t in B", "change t", "loads A", "B")
+    for row in found.machines.iter_rows(named=True):
+        table.add_row(row["machine"], f"{row['logs']:,}", *_changes(row))
+    print_table(screen, table)
+    changed = found.logs.head(shown).filter(found.logs.head(shown)["change_kg"] != 0.0)
+    if changed.is_empty():
+        return
+    print_line(screen, "")
+    print_line(screen, "Recordings that differ most")
+    table = plain_table(
+        "machine", "day", "t in A", "t in B", "change t", "loads A", "B", "opens it"
+    )
+    for row in changed.iter_rows(named=True):
+        opens = f"payscope fleet open {a} {row['key'][:12]}"
+        table.add_row(row["machine"], row["day"], *_changes(row), opens)
+    print_table(screen, table)
+
+
+def _changes(row: dict[str, float]) -> tuple[str, ...]:
+    tonnes = (row["payload_kg"] / 1e3, row["payload_b_kg"] / 1e3)
+    return (
+        *(f"{t:,.3f}" for t in tonnes),
+        f"{row['change_kg'] / 1e3:+,.3f}",
+        f"{row['loads']:,.0f}",
+        f"{row['loads_b']:,.0f}",
+    )
+
+
+def _share(whole: dict[str, float]) -> str:
+    if not whole["payload_kg"]:
+        return "no tonnes in A"
+    return f"{whole['change_kg'] / whole['payload_kg']:+.2%}"

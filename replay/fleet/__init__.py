@@ -1,0 +1,1 @@
+"""Many recordings: replayed on an engine, kept once, queried as one table."""

@@ -1,0 +1,42 @@
+"""What a fleet asks of an engine: to run one function over many tasks, anywhere, and to survive.
+
+An engine places tasks on nodes by the memory that each declares, gives each one thread, starts
+those of a lost node or worker anew, and says which it gave up and why. `ray_engine` is the one
+there is; another needs these two methods.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, slots=True)
+class Work(Generic[Task]):
+    """A task, and the memory in bytes that it is placed by."""
+
+    task: Task
+    memory_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """A task that the engine gave up, and why."""
+
+    reason: str
+
+
+class Engine(Protocol):
+    """Runs a function over tasks."""
+
+    def slots(self) -> int:
+        """Tasks that run at once, as far as the engine knows now."""
+        ...
+
+    def run(
+        self, function: Callable[[Task], Result], work: Sequence[Work[Task]]
+    ) -> Iterator[tuple[Task, Result | Lost]]:
+        """Yield each task with its result as it comes, in any order; each exactly once."""
+        ...

@@ -1,0 +1,192 @@
+"""Fleet files: which machine file and which calibrations belong to a log, by rules; TOML in."""
+
+import glob
+import re
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Final
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from estimators.errors import FleetError
+from replay.fleet.setups import MachineSetup, NamedFiles, machine_setups
+from replay.toml_file import read_toml, validate
+
+_STRICT: Final = ConfigDict(extra="forbid", frozen=True)
+#: Stands for the machine's name in a rule.
+NAME: Final = "{machine}"
+#: Parts of a pattern, longest first, and what they stand for.
+_PARTS: Final = {
+    NAME: r"(?P<machine>[^/]+)",
+    "**/": r"(?:[^/]+/)*",
+    "*": r"[^/]*",
+    "?": r"[^/]",
+}
+_PART: Final = re.compile("|".join(map(re.escape, _PARTS)))
+_Text = Annotated[str, StringConstraints(min_length=1)]
+
+
+class AboutFleet(BaseModel):
+    """Whose machines they are."""
+
+    model_config = _STRICT
+
+    name: _Text = Field("fleet", description="name, on the page")
+
+
+class TaskLimits(BaseModel):
+    """What one recording may take."""
+
+    model_config = _STRICT
+
+    seconds: float = Field(3600.0, gt=0, description="time in s; a task that takes longer is ended")
+    memory_GiB: float = Field(0.75, gt=0, description="memory that a task declares, and")
+    memory_per_byte: float = Field(
+        3.0, ge=0, description="bytes of it for each byte of the log; a task that needs more ends"
+    )
+
+    def memory_bytes(self, size_bytes: int) -> int:
+        """Memory that the task of a log of that size declares."""
+        return int(self.memory_GiB * 2**30 + self.memory_per_byte * size_bytes)
+
+
+class MachineRule(BaseModel):
+    """Logs, and the machine that they are of; of several rules the first that fits counts."""
+
+    model_config = _STRICT
+
+    logs: _Text = Field(
+        description="pattern of the end of a log's path: `*`, `?`, `**/` and `{machine}`"
+    )
+    file: _Text = Field(
+        description="machine file, from the fleet file's folder or a shipped one; may have "
+        "`{machine}`"
+    )
+    name: _Text | None = Field(
+        None, description="name of the machine, where `logs` has no `{machine}`"
+    )
+    calibrations: _Text | None = Field(
+        None, description="pattern of folders of evidence; may have `{machine}`"
+    )
+    overrides: tuple[str, ...] = Field((), description="`key=value`, of the machine file")
+
+    def machine_of(self, log: str) -> str | None:
+        """The machine of a log; None where the rule does not fit."""
+        found = _pattern(self.logs).search(log)
+        if found is None:
+            return None
+        return found.groupdict().get("machine") or self.name
+
+
+class FleetRules(BaseModel):
+    """A whole fleet file."""
+
+    model_config = _STRICT
+
+    fleet: AboutFleet = AboutFleet.model_validate({})
+    limits: TaskLimits = TaskLimits.model_validate({})
+    machines: tuple[MachineRule, ...] = Field(min_length=1)
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """A fleet file that was read.
+
+    Attributes:
+        path: of the file.
+        rules: what it says.
+        overrides: `key=value`, of every machine file, behind those of the rules.
+    """
+
+    path: Path
+    rules: FleetRules
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The fleet's name."""
+        return self.rules.fleet.name
+
+    @property
+    def limits(self) -> TaskLimits:
+        """What one recording may take."""
+        return self.rules.limits
+
+    def setups_of(self, log: str) -> tuple[MachineSetup, ...]:
+        """How a log is to be replayed: under one of the machine's calibrations, or none.
+
+        Raises:
+            FleetError: no rule fits.
+            PayscopeError: the machine file or evidence that the rule names is wrong.
+        """
+        for rule in self.rules.machines:
+            name = rule.machine_of(log)
+            if name is not None:
+                return self._setups(rule, name)
+        patterns = ", ".join(rule.logs for rule in self.rules.machines)
+        raise FleetError(f"{log}: no rule of {self.path} fits it; its rules: {patterns}")
+
+    def _setups(self, rule: MachineRule, name: str) -> tuple[MachineSetup, ...]:
+        file = rule.file.replace(NAME, name)
+        beside = (self.path.parent / file).absolute()
+        file = str(beside) if beside.exists() else file
+        folders: tuple[str, ...] = ()
+        if rule.calibrations is not None:
+            pattern = str(
+                self.path.parent.absolute() / rule.calibrations.replace(NAME, glob.escape(name))
+            )
+            folders = tuple(sorted(glob.glob(pattern)))  # noqa: PTH207 - an absolute pattern
+        overrides = (*rule.overrides, *self.overrides)
+        return _read_once(name, NamedFiles(file, overrides, folders))
+
+
+@cache
+def _read_once(name: str, files: NamedFiles) -> tuple[MachineSetup, ...]:
+    return machine_setups(name, files, lenient=False)
+
+
+@cache
+def _pattern(text: str) -> re.Pattern[str]:
+    """Of the end of a path: from a slash, or from its beginning."""
+    end = 0
+    found: list[str] = []
+    for part in _PART.finditer(text):
+        found += [re.escape(text[end : part.start()]), _PARTS[part[0]]]
+        end = part.end()
+    return re.compile(rf"(?:^|/){''.join(found)}{re.escape(text[end:])}\Z")
+
+
+def load_fleet(path: Path, overrides: tuple[str, ...] = ()) -> Fleet:
+    """Read a fleet file.
+
+    Args:
+        path: a TOML file.
+        overrides: `key=value`, of every machine file.
+
+    Raises:
+        FleetError: one line with the file, the fault, the choices and the remedy.
+    """
+    if not path.exists():
+        raise FleetError(f"{path}: no such fleet file; docs/fleet.md has one to begin with")
+    content = read_toml(path, FleetError)
+    if "channels" in content and "machines" not in content:
+        raise FleetError(
+            f"{path}: is a machine file; a fleet file names it: [[machines]] with logs = "
+            f'"**/*.mcap", name = "one" and file = "{path.name}"'
+        )
+    rules = validate(path, content, FleetRules, FleetError)
+    for number, rule in enumerate(rules.machines, start=1):
+        if (NAME in rule.logs) == (rule.name is not None):
+            raise FleetError(
+                f"{path}: machines[{number}]: give either name or {NAME} in logs, by which the "
+                "machine is known"
+            )
+        if rule.logs.count(NAME) > 1:
+            raise FleetError(f"{path}: machines[{number}]: logs has {NAME} more than once")
+        if "/" not in rule.logs.partition(NAME)[0] and "**/" in rule.logs.partition(NAME)[2]:
+            raise FleetError(
+                f"{path}: machines[{number}]: any folder of a path may be {NAME} in '{rule.logs}'; "
+                f"name the folder before {NAME}"
+            )
+    return Fleet(path, rules, overrides)

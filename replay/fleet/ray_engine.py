@@ -1,0 +1,174 @@
+"""The engine Ray: the only file that knows it."""
+
+import importlib
+import importlib.util
+import logging
+import os
+import signal
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from typing import Any, Final
+
+from estimators.errors import FleetError
+from replay.fleet.engine import Lost, Result, Task, Work
+
+#: Ray starts a task of a lost worker or node anew so many times.
+_RETRIES: Final = 3
+#: Tasks that are handed to Ray beyond those that run: enough that no slot waits.
+_AHEAD: Final = 2
+#: Results go through storage, not through Ray's.
+_OBJECTS_BYTES: Final = 100 * 2**20
+_WAIT_S: Final = 1.0
+_GIB: Final = 2**30
+#: A task has one thread, whichever library would start more.
+_LIBRARIES: Final = ("OPENBLAS", "OMP", "MKL", "NUMBA", "RAYON")
+_ONE_THREAD: Final = {
+    **{f"{library}_NUM_THREADS": "1" for library in _LIBRARIES},
+    "POLARS_MAX_THREADS": "1",
+}
+#: Before Ray is imported: nothing is reported to anybody, and what is started here for this command
+#: alone listens on the loopback address.
+_QUIET: Final = {"RAY_USAGE_STATS_ENABLED": "0"}
+_LOOPBACK: Final = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+
+
+@contextmanager
+def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine"]:
+    """Connect to a cluster, or start one on this machine.
+
+    Args:
+        address: of the cluster's head (`host:port`, `ray://host:port`); None starts one here.
+        workers: tasks at once on this machine; None for a processor each.
+
+    Raises:
+        FleetError: there is no such cluster.
+    """
+    here = {} if address else _LOOPBACK
+    for name, value in {**_QUIET, **here}.items():
+        os.environ.setdefault(name, value)
+    import ray
+
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    started: dict[str, Any] = (
+        {"address": address}
+        if address
+        else {
+            "address": "local",
+            "num_cpus": workers,
+            "include_dashboard": False,
+            "object_store_memory": _OBJECTS_BYTES,
+        }
+    )
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        ray.init(
+            **started,
+            log_to_driver=False,
+            configure_logging=False,
+            runtime_env={"env_vars": _ONE_THREAD},
+        )
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        first = str(error).strip().partition("\n")[0]
+        raise FleetError(f"--address {address}: no cluster answers ({first})") from None
+    for number, handler in handlers.items():
+        # Ray's own would leave without the cleaning up of the command
+        with suppress(ValueError):
+            signal.signal(number, handler)
+    try:
+        # what has died is in the results; Ray would print it where data is printed
+        with redirect_stdout(_WithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
+            yield RayEngine(ray)
+    finally:
+        ray.shutdown()
+
+
+class _WithoutRay:
+    """A stream without what Ray's own threads write to it."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write, unless it is Ray who does."""
+        mine = not threading.current_thread().name.startswith("ray_")
+        return self._stream.write(text) if mine else len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+class RayEngine:
+    """Ray, as far as a fleet needs it."""
+
+    def __init__(self, ray: Any) -> None:
+        self._ray = ray
+
+    def slots(self) -> int:
+        """Processors of the cluster."""
+        return max(int(self._ray.cluster_resources().get("CPU", 1)), 1)
+
+    def run(
+        self, function: Callable[[Task], Result], work: Sequence[Work[Task]]
+    ) -> Iterator[tuple[Task, Result | Lost]]:
+        """Yield each task with its result as it comes; the function is imported on the nodes."""
+        remote = self._ray.remote(num_cpus=1, max_retries=_RETRIES)(function)
+        waiting = deque(work)
+        running: dict[Any, Work[Task]] = {}
+        try:
+            while waiting or running:
+                most = (1 + _AHEAD) * self.slots()
+                while waiting and len(running) < most:
+                    each = waiting.popleft()
+                    too_large = self._too_large(each.memory_bytes)
+                    if too_large:
+                        yield each.task, too_large
+                        continue
+                    placed = remote.options(memory=each.memory_bytes)
+                    running[placed.remote(each.task)] = each
+                if running:
+                    ready, _ = self._ray.wait(list(running), timeout=_WAIT_S)
+                    for reference in ready:
+                        yield running.pop(reference).task, self._result(reference)
+        finally:
+            for reference in running:
+                self._ray.cancel(reference, force=True)
+
+    def _too_large(self, memory_bytes: int) -> Lost | None:
+        """A task that fits no node would wait for ever."""
+        nodes = [node for node in self._ray.nodes() if node["Alive"]]
+        largest = max((node["Resources"].get("memory", 0.0) for node in nodes), default=0.0)
+        if memory_bytes <= largest:
+            return None
+        return Lost(
+            f"declares {memory_bytes / _GIB:.1f} GiB of memory, and the largest node has "
+            f"{largest / _GIB:.1f} GiB; [limits] of the fleet file says how much is declared"
+        )
+
+    def _result(self, reference: Any) -> Any:
+        from ray import exceptions
+
+        try:
+            return self._ray.get(reference)
+        except exceptions.OutOfMemoryError:
+            return Lost("its node ran out of memory, and Ray ended it")
+        except (exceptions.WorkerCrashedError, exceptions.NodeDiedError):
+            return Lost(
+                f"its worker ended {_RETRIES + 1} times without a word: it crashed, was killed, "
+                "or hung where nothing could end it"
+            )
+        except exceptions.RayTaskError as error:
+            cause = getattr(error, "cause", None) or error
+            said = str(cause).strip().rpartition("\n")[2]
+            return Lost(f"{type(cause).__name__}: {said}")
+        except exceptions.RayError as error:
+            return Lost(f"Ray: {str(error).strip().partition(chr(10))[0]}")
+
+
+def missing() -> str | None:
+    """A library of the extra that is not installed; None where all are."""
+    return next(
+        (name for name in ("ray", "obstore") if importlib.util.find_spec(name) is None), None
+    )

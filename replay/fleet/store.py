@@ -1,0 +1,177 @@
+"""Files in a folder or in object storage, by one interface: whole objects, listed by prefix.
+
+A write appears whole or not at all: in a folder a hidden file is renamed, in object storage that
+is how an object is put.
+"""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from datetime import timedelta
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from estimators.errors import OutputError, PayscopeError
+
+S3: Final = "s3://"
+_ENDPOINTS: Final = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
+#: A server may be away for so long.
+_AWAY: Final = timedelta(minutes=5)
+#: Objects that are fetched at once.
+_AT_ONCE: Final = 16
+_CHUNK: Final = 8 * 2**20
+
+
+@dataclass(frozen=True, slots=True)
+class StoredObject:
+    """An object: its name below the store's place, its size, what changes when it does."""
+
+    name: str
+    size_bytes: int
+    stamp: str
+
+
+class Store:
+    """A folder, or a prefix of a bucket."""
+
+    def __init__(self, place: str) -> None:
+        self.place: Final = place.rstrip("/")
+        #: None for object storage.
+        self.folder: Final = None if place.startswith(S3) else Path(place)
+        self._made: Any = None
+
+    @property
+    def _store(self) -> Any:
+        if self._made is None:
+            self._made = _opened(self.place, self.folder)
+        return self._made
+
+    def __reduce__(self) -> tuple[type["Store"], tuple[str]]:
+        """By its place: a connection belongs to a process."""
+        return Store, (self.place,)
+
+    def full_name(self, name: str) -> str:
+        """The name of an object, as a command takes it."""
+        return f"{self.place}/{name}"
+
+    def objects(self, prefix: str = "") -> list[StoredObject]:
+        """All objects below a prefix, by name; what is being written is not among them."""
+        if self.folder is not None and not (self.folder / prefix).is_dir():
+            return []
+        found = [
+            _object(each)
+            for batch in self._said(prefix, lambda: list(self._store.list(prefix or None)))
+            for each in batch
+        ]
+        return sorted(found, key=lambda each: each.name)
+
+    def has(self, name: str) -> bool:
+        """Whether there is such an object."""
+        return self.object(name) is not None
+
+    def object(self, name: str) -> StoredObject | None:
+        """An object by its name; None where there is none."""
+        try:
+            return _object(self._said(name, lambda: self._store.head(name)))
+        except FileNotFoundError:
+            return None
+
+    def read(self, name: str) -> bytes:
+        """The bytes of an object.
+
+        Raises:
+            FileNotFoundError: there is none.
+        """
+        return bytes(self._said(name, lambda: self._store.get(name).bytes()))
+
+    def read_all(self, names: Iterable[str]) -> Iterator[bytes]:
+        """The bytes of many, in their order."""
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            yield from pool.map(self.read, names)
+
+    def read_some(self, names: Iterable[str]) -> Iterator[bytes | None]:
+        """The same of objects of which some may not be there: None for those."""
+
+        def read(name: str) -> bytes | None:
+            try:
+                return self.read(name)
+            except FileNotFoundError:
+                return None
+
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            yield from pool.map(read, names)
+
+    def write(self, name: str, data: bytes) -> None:
+        """Put an object, whole or not at all; what is there is replaced."""
+        self._said(name, lambda: self._store.put(name, data))
+
+    def write_file(self, name: str, path: Path) -> None:
+        """Put an object of the contents of a file."""
+        self._said(name, lambda: self._store.put(name, path))
+
+    def fetch(self, name: str, to: Path) -> None:
+        """Write an object to a file, a part at a time."""
+
+        def fetched() -> None:
+            with to.open("wb") as file:
+                for part in self._store.get(name).stream(min_chunk_size=_CHUNK):
+                    file.write(part)
+
+        self._said(name, fetched)
+
+    def delete(self, names: list[str]) -> None:
+        """Remove objects."""
+        if names:
+            self._said(names[0], lambda: self._store.delete(names))
+
+    def _said(self, name: str, work: Any) -> Any:
+        """What the work returns; its fault in one line."""
+        from obstore.exceptions import BaseError
+
+        try:
+            return work()
+        except FileNotFoundError as error:
+            raise FileNotFoundError(f"{self.full_name(name)}: there is no such object") from error
+        except (BaseError, OSError) as error:
+            first = str(error).strip().partition("\n")[0]
+            raise OutputError(f"{self.full_name(name)}: {first}") from None
+
+
+def _object(said: Mapping[str, Any]) -> StoredObject:
+    changed = str(int(said["last_modified"].timestamp() * 1e6))
+    return StoredObject(said["path"], said["size"], said["e_tag"] or changed)
+
+
+@cache
+def store_of(place: str) -> Store:
+    """One store a place and process."""
+    return Store(place)
+
+
+def _opened(place: str, folder: Path | None) -> Any:
+    from obstore.store import LocalStore, from_url
+
+    try:
+        if folder is not None:
+            return LocalStore(folder.absolute(), mkdir=True)
+        endpoint = next((os.environ[name] for name in _ENDPOINTS if name in os.environ), "")
+        return from_url(
+            place,
+            client_options={"allow_http": endpoint.startswith("http://"), "timeout": _AWAY},
+            retry_config={
+                "max_retries": 60,
+                "retry_timeout": _AWAY,
+                "backoff": {
+                    "base": 2,
+                    "init_backoff": timedelta(milliseconds=200),
+                    "max_backoff": timedelta(seconds=5),
+                },
+            },
+        )
+    except Exception as error:
+        if isinstance(error, PayscopeError):
+            raise
+        first = str(error).strip().partition("\n")[0]
+        raise OutputError(f"{place}: cannot be opened ({first})") from None

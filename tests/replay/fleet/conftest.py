@@ -1,0 +1,58 @@
+"""Six short recordings of three machines, their fleet file, and an engine that is none."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from benchmarks.fleet_logs import SerialEngine, recordings
+from replay.fleet.engine import Engine
+from replay.fleet.fleet_file import load_fleet
+from replay.fleet.run import FleetRun, fleet_run
+from replay.fleet.sources import fleet_logs
+
+COUNT = 6
+Run = Callable[..., FleetRun]
+
+
+@pytest.fixture(scope="session")
+def fleet_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`logs/unit-01/log_00000.mcap` and so on, and `fleet.toml`."""
+    folder = tmp_path_factory.mktemp("fleet")
+    recordings(folder, COUNT)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def run_in(fleet_folder: Path) -> Run:
+    """Replay logs in this process, one after the other."""
+
+    def call(
+        destination: Path | str,
+        source: Path | str = fleet_folder / "logs",
+        fleet: Path = fleet_folder / "fleet.toml",
+        *overrides: str,
+        engine: Callable[[], Engine] = SerialEngine,
+        recordings: bool = False,
+    ) -> FleetRun:
+        logs = fleet_logs([str(source)])
+        return fleet_run(
+            logs, load_fleet(fleet, overrides), str(destination), engine, recordings=recordings
+        )
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def kept(fleet_folder: Path, run_in: Run) -> Path:
+    """Results of all six; not to be written to."""
+    destination = fleet_folder / "results"
+    run_in(destination)
+    return destination
+
+
+@pytest.fixture
+def results(kept: Path, tmp_path: Path) -> Path:
+    """A copy of them."""
+    return shutil.copytree(kept, tmp_path / "results")
