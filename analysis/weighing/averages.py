@@ -23,7 +23,7 @@ from estimators.group_sums import NoiseMoments
 from estimators.threads import mapped
 
 #: So many rows a length of the mean hold nearly all that its means hold.
-_ROWS_A_MEAN: Final = 8
+_ROWS_A_MEAN: Final = 2
 #: Stretches of fewer samples, before thinning, tell nothing of their own.
 _SHORTEST: Final = 50
 #: A derivative of the force is noise below so many of its deviations.
