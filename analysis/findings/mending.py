@@ -28,18 +28,33 @@ Mend = Callable[[Equation], Equation]
 
 
 def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
-    """Fit once more.
+    """Fit once more, and compare with the same fit of the motion as it is.
 
     Args:
         case: the log.
         mend: makes the motion as it would be.
         relative_u: standard uncertainty of what is mended, as a share of it.
     """
+    fit = case.fit
+    if fit is None:
+        return None
+    if "refitted" not in case.kept:
+        case.kept["refitted"] = _mass_kg(case, fit.motion)
+    before, after = case.kept["refitted"], _mass_kg(case, mend(fit.motion))
+    assert before is None or isinstance(before, float)
+    if before is None or after is None:
+        return None
+    kg = after - before
+    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
+    return Change(kg, float(np.hypot(relative_u * kg, _OF_REPLAY * of_noise)))
+
+
+def _mass_kg(case: Case, motion: Equation) -> float | None:
     fit, noise = case.fit, case.column_noise
     if fit is None or noise is None:
         return None
     priors = case.machine.settings.priors
-    motion = _stretches(mend(fit.motion))
+    motion = _stretches(motion)
     if motion.used.sum() < _FEWEST:
         return None
     wheels = kinematics(motion, noise, priors)
@@ -47,12 +62,8 @@ def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
     if states is not None and states.count != fit.count:
         return None
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    other = again(begun, noise, priors, rounds=_ROUNDS)
-    kg = other.mass_kg - fit.mass_kg
-    if not np.isfinite(kg):
-        return None
-    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
-    return Change(kg, float(np.hypot(relative_u * kg, _OF_REPLAY * of_noise)))
+    found = again(begun, noise, priors, rounds=_ROUNDS).mass_kg
+    return found if np.isfinite(found) else None
 
 
 def _stretches(motion: Equation) -> Equation:

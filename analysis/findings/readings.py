@@ -15,6 +15,8 @@ from analysis.windows import windows_with
 _FROZEN_S: Final = 0.3
 #: Share of the readings that pile up at an extreme.
 _CLIPPED: Final = 0.001
+#: What is left of starts that were cut is not what they were, to this share of the change.
+_CUT: Final = 0.5
 #: Share of moving readings that repeat the one before: noise is below the resolution.
 _REPEATS: Final = 0.1
 #: Share of the steps that are multiples of the least one; fewer steps tell nothing.
@@ -55,8 +57,20 @@ def frozen(case: Case) -> list[Sign]:
             "others change",
             channel=name,
             span_ns=case.since_start(*spans[0]),
-            change=lambda: mended(case, lambda motion: motion.without(holds)),
+            change=lambda: mended(case, lambda motion: motion.without(holds), _CUT),
         )
+    ]
+
+
+def _inside(case: Case, name: str, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The spans that do not repeat the extreme of a channel that clips."""
+    signals = case.evidence.signals
+    share, extreme = (0.0, np.nan) if signals is None else signals.clipped.get(name, (0.0, np.nan))
+    if not share:
+        return spans
+    t, x = case.series[name]
+    return [
+        span for span in spans if abs(abs(x[np.searchsorted(t, span[0])]) - abs(extreme)) > 1e-9
     ]
 
 
@@ -84,7 +98,7 @@ def saturated(case: Case) -> list[Sign]:
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
-            change=lambda: mended(case, cut),
+            change=lambda: mended(case, cut, _CUT),
         )
     ]
 
@@ -156,7 +170,7 @@ def spikes(case: Case) -> list[Sign]:
                 f"{ratio:.0f} deviations",
                 channel=name,
                 span_ns=case.since_start(int(t[places[0]]), int(t[places[-1]])),
-                change=lambda near=near: mended(case, lambda motion: motion.without(near)),
+                change=lambda near=near: mended(case, lambda motion: motion.without(near), _CUT),
             )
         )
     return _largest(found)

@@ -47,22 +47,25 @@ def spectra(case: Case) -> Spectra | None:
 
 
 def _spectra(case: Case) -> Spectra | None:
-    fit = case.fit
-    if fit is None:
-        return None
-    aligned, machine = case.aligned, case.machine
-    lag = fit.lag_s if fit.shifted else 0.0
+    fit, aligned, machine = case.fit, case.aligned, case.machine
+    rate_hz = machine.settings.align.rate_hz
+    # without an answer by what all that moves says
+    straight = case.evidence.straight
+    mass_kg = straight.fit.value if fit is None else fit.mass_kg
+    viscous = 0.0 if fit is None else fit.viscous
+    lag = fit.lag_s if fit is not None and fit.shifted else 0.0
+    used = straight.moving if fit is None else fit.motion.used
     rows = np.arange(aligned.height, dtype=np.float64)
     force = longitudinal_force(aligned, machine.machine)
-    force = np.interp(rows + lag * fit.motion.rate_hz, rows, force)
+    force = np.interp(rows + lag * rate_hz, rows, force)
     A = np.column_stack([regressor_acceleration(aligned, machine), values(aligned, "speed_x_m_s")])
-    left = force - A @ np.array([fit.mass_kg, fit.viscous])
+    left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
-    driving = _powers(left, A, fit.motion.used & known)
+    driving = _powers(left, A, used & known)
     standing = _powers(left, None, case.stands_still & known)
     if min(len(driving), len(standing)) < _FEWEST:
         return None
-    hz = np.arange(_LENGTH // 2 + 1) * fit.motion.rate_hz / _LENGTH
+    hz = np.arange(_LENGTH // 2 + 1) * rate_hz / _LENGTH
     counts = (len(driving), len(standing))
     return Spectra(hz, np.mean(driving, axis=0), np.mean(standing, axis=0), counts)
 

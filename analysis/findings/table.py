@@ -182,20 +182,21 @@ CAUSES: Final = (
         "the driveline or the frame swings",
         f"{_STILL}, and {_START}",
         residuals.resonance,
-        explains=("heteroscedastic", "coloured_residuals"),
+        explains=("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
     ),
     Cause(
         "heteroscedastic",
         "there is more noise while it drives",
         f"{_STILL}, and {_START}",
         residuals.heteroscedastic,
+        explains=("external_force", "load_changed_inside", "spikes", "too_little_excitation"),
     ),
     Cause(
         "coloured_residuals",
         "the noise is slow, so that samples say less than they are",
         _STILL,
         residuals.coloured,
-        explains=("external_force", "load_changed_inside", "too_little_excitation"),
+        explains=("heteroscedastic", *_OF_FIT[: -len(_OF_RESIDUALS)]),
     ),
     Cause(
         "too_little_excitation",
@@ -203,6 +204,7 @@ CAUSES: Final = (
         "nothing more",
         model.too_little,
         withholds=True,
+        explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", *_OF_RESIDUALS),
     ),
     Cause(
         "collinear",

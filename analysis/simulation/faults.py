@@ -101,7 +101,7 @@ def _start(design: Sections, **keys: float) -> Sections:
 
 
 def _little(design: Sections, size: float) -> Sections:
-    throttle = max(0.3 / max(size, 0.3), 0.02)
+    throttle = max(0.15 / max(size, 0.3), 0.01)
     return joined(_start(design, throttle=throttle), {"starts": {"throttle_least": 1.0}})
 
 
@@ -204,6 +204,7 @@ def _rectified(frames: Frames, _: float, __: np.random.Generator) -> Frames:
 _BOTH_WAYS: Final = {"starts": {"directions": "alternating"}}
 _THROTTLES: Final = {"starts": {"throttle_least": 0.4}}
 _TURNS: Final = {"starts": {"turn_rad_s": 0.04, "scrub_N_s_rad": 0.0}}
+_BRAKES_SEEN: Final = {"campaign": {"brake_measured_share": 1.0}}
 _INCLUDED: Final = ("settings.gate.exclude_braking=false",)
 
 FAULTS: Final = (
@@ -342,6 +343,7 @@ FAULTS: Final = (
         ("braking_inside",),
         "seen to 90 %",
         _brakes,
+        needs=_BRAKES_SEEN,
         overrides=_INCLUDED,
         largest=10.0,
     ),
@@ -365,8 +367,8 @@ FAULTS: Final = (
         ("resonance",),
         "4 Hz",
         lambda _, size: {
-            "drivetrain": {"resonance_hz": 4.0, "resonance_damping": 0.2 / max(size, 0.1)}
+            "drivetrain": {"resonance_hz": 4.0, "resonance_damping": 0.3 / max(size, 0.1) ** 0.5}
         },
     ),
-    Fault("weak starts", ("too_little_excitation",), "30 % of the throttle", _little),
+    Fault("weak starts", ("too_little_excitation",), "15 % of the throttle", _little),
 )
