@@ -15,6 +15,8 @@ from analysis.schema import values
 from analysis.units import to_si
 from analysis.weighing.equation import Equation
 
+#: Of gravity on z a tilt must take so much to be told from a bias.
+_TELLS_M_S2: Final = 0.05
 #: A yaw of less is mounting, not misalignment.
 _LEAST_YAW_RAD: Final = 0.03
 #: Of the wheels' acceleration an accelerometer that sees less is low-passed,
@@ -39,24 +41,36 @@ def without_gravity(case: Case) -> bool:
 
 def tilted(case: Case) -> list[Sign]:
     """Gravity on the forward axis at standstill, and motion across the axis that drives."""
-    found = [*_tilt(case), *_yaw(case)]
+    upright = _zero(case, ("tilt", ""))
+    found = [*upright, *_yaw(case)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _tilt(case: Case) -> list[Sign]:
+def biased(case: Case) -> list[Sign]:
+    """The same with all of gravity on z: what is on x is none of it."""
+    return _zero(case, ("bias",))
+
+
+def _zero(case: Case, kinds: tuple[str, ...]) -> list[Sign]:
     seen = constants(case)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or without_gravity(case):
         return []
+    kind = _kind(case, error)
+    if kind not in kinds:
+        return []
     # ground that slopes leaves no constant force, a tilt does
-    others = ("imu_bias",) if seen.tilt or has_pitch(case) else ("imu_bias", "slope")
+    others = () if kind else ("imu_bias",)
+    if not (seen.tilt or has_pitch(case)):
+        others = (*others, "slope")
     names = case.measured(ACC)
     degrees = np.degrees(np.arcsin(np.clip(error / case.machine.machine.gravity_m_s2, -1.0, 1.0)))
+    said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
     return [
         Sign(
             float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
             f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
-            f"{degrees:+.2f}° nose-up, or a bias",
+            f"{degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
@@ -68,6 +82,20 @@ def _tilt(case: Case) -> list[Sign]:
             alternatives=others,
         )
     ]
+
+
+def _kind(case: Case, error: float) -> str:
+    """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
+    z, _ = case.level(_Z)
+    pull = case.machine.machine.gravity_m_s2
+    if not np.isfinite(z) or not has_pitch(case) or abs(error) >= pull:
+        return ""
+    pitch = case.level(_PITCH)[0]
+    share = np.arcsin(error / pull)
+    upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
+    if upright - turned < _TELLS_M_S2:
+        return ""
+    return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
 
 
 def _yaw(case: Case) -> list[Sign]:

@@ -18,9 +18,9 @@ from analysis.findings.rows import Explained, force_system, wheel_system
 from analysis.weighing.equation import Equation
 
 #: Gains (twice the log likelihood) that differ by less are not told apart.
-APART: Final = 9.0
+APART: Final = 6.0
 #: A cause is taken from this gain on, and so many of them.
-_TAKEN: Final = 20.0
+_TAKEN: Final = 11.0
 _MOST: Final = 4
 #: A delay from here on is tried whole, and taken when it leaves so much less.
 _LONG_S: Final = 0.03

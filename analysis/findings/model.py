@@ -15,7 +15,7 @@ from analysis.units import to_si
 from analysis.weighing.equation import Equation
 
 #: So many deviations a term of the fit must be from 0.
-_TERM: Final = 4.5
+_TERM: Final = 3.3
 #: No accelerometer's scale is trusted to less.
 _LEAST_GAIN: Final = 0.005
 #: An answer whose standard uncertainty is this share of it has too little to go by.
@@ -138,7 +138,7 @@ def coulomb(case: Case) -> list[Sign]:
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, force / (0.004 * motion.largest_force)),
+            min(float(np.sqrt(pick.gain)) / _TERM, force / (0.003 * motion.largest_force)),
             f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",

@@ -39,7 +39,9 @@ def frozen(case: Case) -> list[Sign]:
         return []
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
-        name: spans for name, spans in signals.frozen.items() if spans and not _coarse(case, name)
+        name: inside
+        for name, spans in signals.frozen.items()
+        if spans and not _coarse(case, name) and (inside := _inside(case, name, spans))
     }
     if not of_channel:
         return []

@@ -25,8 +25,8 @@ _SLOW_HZ: Final = 1.2
 _FAST_HZ: Final = (3.0, 10.0)
 #: Ratios of power that chance and resampling stay below.
 _PEAK: Final = 4.0
-_UNEVEN: Final = 2.0
-_COLOURED: Final = 2.2
+_UNEVEN: Final = 1.7
+_COLOURED: Final = 1.9
 
 
 class Spectra(NamedTuple):

@@ -102,9 +102,16 @@ CAUSES: Final = (
     Cause(
         "imu_misaligned",
         "gravity is on the forward axis, or the forward axis is not where the machine drives",
-        f"{_STILL}; the pitch, or starts both ways, to tell it from a slope; nothing that a "
-        "drive holds tells a small tilt from a bias",
+        f"{_STILL}; the pitch, or a drive, to tell it from a slope; the z axis and 6° to tell it "
+        "from a bias",
         imu.tilted,
+        explains=("wheel_radius", "coulomb", "offset", "slip"),
+    ),
+    Cause(
+        "imu_bias",
+        "the accelerometer's zero is off",
+        f"{_STILL}, the pitch and the z axis; below 6° nothing tells it from a tilt",
+        imu.biased,
         explains=("wheel_radius", "coulomb", "offset", "slip"),
     ),
     Cause(
