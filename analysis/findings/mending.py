@@ -18,6 +18,8 @@ from analysis.weighing.kinematics import kinematics
 
 #: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
 _OF_REPLAY: Final = 0.5
+#: Of the change itself: what is mended is not all that the cause did.
+_OF_SIZE: Final = 0.05
 _ROUNDS: Final = 3
 
 #: Fewer samples are not fitted.
@@ -46,7 +48,7 @@ def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
         return None
     kg = after - before
     of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
-    return Change(kg, float(np.hypot(relative_u * kg, _OF_REPLAY * of_noise)))
+    return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
 
 
 def _mass_kg(case: Case, motion: Equation) -> float | None:

@@ -24,6 +24,8 @@ _POOR: Final = 0.05
 _OPEN: Final = 0.04
 #: Braking moves the mass by so many of the answer's standard uncertainties.
 _BRAKING: Final = 1.5
+#: Of the answer's uncertainty with braking: less motion says less.
+_OF_BRAKING: Final = 4.0
 
 
 def wheel_radius(case: Case) -> list[Sign]:
@@ -190,7 +192,7 @@ def driveline(case: Case) -> list[Sign]:
                 lambda motion: replace(
                     motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
                 ),
-                min(2.0 * pick.std / abs(pick.value), 1.0),
+                1.0,
             ),
             alternatives=_others(pick),
         )
@@ -241,7 +243,7 @@ def braking(case: Case) -> list[Sign]:
             "of the brakes",
             setting="settings.gate.exclude_braking",
             value="true",
-            change=lambda: Change(left, 0.5 * weighing.fit.u_kg),
+            change=lambda: Change(left, _OF_BRAKING * weighing.fit.u_kg),
         )
     ]
 

@@ -13,6 +13,9 @@ from analysis.windows import windows_with
 
 #: A channel that repeats itself for so long, all in all, counts.
 _FROZEN_S: Final = 0.3
+#: Readings of a run at least, and the share that may repeat the one before elsewhere.
+_FEWEST_RUN: Final = 5
+_USUAL: Final = 0.02
 #: Share of the readings that pile up at an extreme.
 _CLIPPED: Final = 0.001
 #: What is left of starts that were cut is not what they were, to this share of the change.
@@ -40,8 +43,9 @@ def frozen(case: Case) -> list[Sign]:
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
         name: inside
-        for name, spans in signals.frozen.items()
-        if spans and not _coarse(case, name) and (inside := _inside(case, name, spans))
+        for name in case.needed
+        if not _coarse(case, name)
+        and (inside := _inside(case, name, signals.frozen.get(name) or _runs(case, name)))
     }
     if not of_channel:
         return []
@@ -61,6 +65,22 @@ def frozen(case: Case) -> list[Sign]:
             span_ns=case.since_start(*spans[0]),
             change=lambda: mended(case, lambda motion: motion.without(holds), _CUT),
         )
+    ]
+
+
+def _runs(case: Case, name: str) -> list[tuple[int, int]]:
+    """Where a channel that otherwise never repeats a reading does so for long."""
+    t, x = case.series[name]
+    edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
+    ends = np.append(edges[1:], x.size) - 1
+    long = ((t[ends] - t[edges]) > _FROZEN_S * 1e9) & (ends - edges >= _FEWEST_RUN)
+    if not long.any():
+        return []
+    usual = (ends - edges)[~long]
+    if usual.sum() > _USUAL * x.size:
+        return []
+    return [
+        (int(t[begin]), int(t[end])) for begin, end in zip(edges[long], ends[long], strict=True)
     ]
 
 

@@ -20,11 +20,11 @@ _LENGTH: Final = 128
 _FEWEST: Final = 6
 _MOST: Final = 4000
 #: Frequencies of a resonance, of slow noise, and of what it is compared with.
-_SWINGS_HZ: Final = (1.5, 25.0)
+_SWINGS_HZ: Final = (2.0, 20.0)
 _SLOW_HZ: Final = 1.2
 _FAST_HZ: Final = (3.0, 10.0)
 #: Ratios of power that chance and resampling stay below.
-_PEAK: Final = 4.0
+_PEAK: Final = 3.0
 _UNEVEN: Final = 1.7
 _COLOURED: Final = 1.9
 
@@ -67,7 +67,8 @@ def _spectra(case: Case) -> Spectra | None:
         return None
     hz = np.arange(_LENGTH // 2 + 1) * rate_hz / _LENGTH
     counts = (len(driving), len(standing))
-    return Spectra(hz, np.mean(driving, axis=0), np.mean(standing, axis=0), counts)
+    # a stretch that holds a stop or a knock is no noise
+    return Spectra(hz, np.median(driving, axis=0), np.median(standing, axis=0), counts)
 
 
 def _powers(x: Floats, A: Floats | None, used: Bools) -> list[Floats]:
@@ -92,22 +93,21 @@ def _level(hz: Floats, power: Floats, low: float, high: float) -> float:
 
 
 def resonance(case: Case) -> list[Sign]:
-    """A peak of the driving spectrum over the standing one."""
+    """A peak of the driving spectrum over what is an octave about it."""
     found = spectra(case)
     if found is None:
         return []
-    band = (found.hz >= _SWINGS_HZ[0]) & (found.hz <= _SWINGS_HZ[1])
-    # standing noise is smooth in frequency, so its own scatter is taken out
-    smooth = np.convolve(found.standing, np.ones(7) / 7.0, "same")
-    ratio = found.driving / np.maximum(smooth, 1e-12)
-    usual = max(float(np.median(ratio[band])), 1.0)
-    at = int(np.argmax(np.where(band, ratio, 0.0)))
-    strength = float(ratio[at]) / usual / _PEAK
+    hz, power = found.hz, found.driving
+    ratio = np.zeros(hz.size)
+    for at in np.flatnonzero((hz >= _SWINGS_HZ[0]) & (hz <= _SWINGS_HZ[1])):
+        beside = (hz > hz[at] / 2.0) & (hz < hz[at] * 2.0) & (np.abs(np.arange(hz.size) - at) > 2)
+        ratio[at] = power[at] / max(float(np.median(power[beside])), 1e-12)
+    at = int(np.argmax(ratio))
     return [
         Sign(
-            strength,
-            f"at {found.hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(ratio[at] / usual):.1f} "
-            "times as much as its noise",
+            float(ratio[at]) / _PEAK,
+            f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(ratio[at]):.1f} times as much "
+            "as beside it",
         )
     ]
 

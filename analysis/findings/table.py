@@ -31,7 +31,7 @@ CAUSES: Final = (
         "braking that the force sees, or driving in reverse",
         signs.unsigned,
         withholds=True,
-        explains=(*_OF_FIT, "offset", "wrong_unit", "sign_flipped", "quantised"),
+        explains=("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
     ),
     Cause(
         "wrong_unit",
@@ -75,7 +75,7 @@ CAUSES: Final = (
         "a channel resolves less than its noise",
         "motion",
         readings.quantised,
-        explains=("delay", "wheel_radius", "slip", *_OF_RESIDUALS),
+        explains=("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", *_OF_RESIDUALS),
     ),
     Cause(
         "clock_jump",
@@ -168,7 +168,7 @@ CAUSES: Final = (
         "braking that the force does not see counts as driving",
         "settings.gate.exclude_braking = false",
         model.braking,
-        explains=("driveline", "coulomb", *_OF_RESIDUALS),
+        explains=("driveline", "coulomb", "load_changed_inside", *_OF_RESIDUALS),
     ),
     Cause(
         "external_force",

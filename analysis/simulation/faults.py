@@ -363,11 +363,15 @@ FAULTS: Final = (
     ),
     Fault("noise that grows with the force", ("heteroscedastic",), "5 %", topics=_noisier),
     Fault(
-        "a soft driveline",
+        "a frame that swings",
         ("resonance",),
-        "4 Hz",
+        "0.05 m/s² at 8 Hz",
         lambda _, size: {
-            "drivetrain": {"resonance_hz": 4.0, "resonance_damping": 0.3 / max(size, 0.1) ** 0.5}
+            "defects": {
+                "vibration_m_s2": 0.05 * size,
+                "vibration_hz": 8.0,
+                "vibration_bandwidth_hz": 1.0,
+            }
         },
     ),
     Fault("weak starts", ("too_little_excitation",), "15 % of the throttle", _little),
