@@ -184,7 +184,7 @@ def driveline(case: Case) -> list[Sign]:
         return []
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.002),
+            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.01),
             f"the measured share of the force changes by {pick.value:+.2%} ± {pick.std:.2%} a m/s²",
             channel=case.force_channel,
             change=lambda: mended(
