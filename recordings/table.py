@@ -333,6 +333,8 @@ PAGE: Final = (
     _INERTIA,
     _COM,
 )
+#: What an explanation shows around a moment.
+MOMENT: Final = (_FORCE, _ACCELERATION, _SPEED, _INDEX, _DECISIONS)
 #: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
 #: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
 KEPT: Final[dict[str, tuple[str, ...]]] = {
