@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SIZE_IN: Final = (12.0, 11.0)
-_LINE: Final = 130
+_LINE: Final = 165
 _FINDINGS: Final = 3
 #: What is drawn around the moment, in s either way.
 _AROUND_S: Final = 15.0
@@ -61,11 +61,11 @@ def draw_explanation(run: Run, explained: Explanation) -> "Figure":
     left, right = above.subfigures(1, 2, width_ratios=[1.15, 1.0], squeeze=False)[0]
     scatter = left.subplots()
     draw_force_acceleration(scatter, run if explained.at_s is None else near, explained.at_s)
-    scatter.set_title("Force against acceleration", fontsize=9, loc="left")
+    left.suptitle("Force against acceleration", x=0.01, ha="left", fontsize=9)
     settles = right.subplots()
     settling = run if explained.at_s is None else _load_at(run, explained.at_s)
     draw_convergence(settles, settling, explained.at_s)
-    settles.set_title("How the mass settles", fontsize=9, loc="left")
+    right.suptitle("How the mass settles", x=0.01, ha="left", fontsize=9)
     if at_s is not None:
         which = "asked for" if explained.at_s is not None else "which stands out most"
         title = f"The signals around {at_s:,.1f} s, {which}"
