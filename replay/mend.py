@@ -1,9 +1,11 @@
 """A machine file mended by what a log shows: one proposal at a time, each tried by a replay.
 
-A proposal is kept where the log then still weighs and no longer shows that cause; the next one is
-taken from what the log shows after it, for what one cause explains is gone with it.
+A proposal is kept where the log then still weighs, no longer shows that cause, and has another mass
+by the joint fit or one of the paper's methods, or a smaller uncertainty. The next one is taken from what the log shows after it: what one cause
+explains is gone with it.
 """
 
+import math
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,6 +26,8 @@ from replay.readers import Log, open_log
 
 #: More causes at once are no log to mend.
 _MOST: Final = 8
+#: An uncertainty that falls to less than this share of it is worth a change.
+_NARROWER: Final = 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,12 +176,37 @@ def _try(
 
 def _worse(before: Run, after: Run, finding: Finding) -> str:
     """Why a replay is no better for a proposal, or nothing."""
-    if answer(before).verdict.can_weigh and not answer(after).verdict.can_weigh:
+    was, now = answer(before), answer(after)
+    if was.verdict.can_weigh and not now.verdict.can_weigh:
         return "the log could no longer weigh"
-    still = {(each.cause, each.channel) for each in findings_of(after) if each.pays}
+    still = {(each.cause, each.channel) for each in findings_of(after)}
     if (finding.cause, finding.channel) in still:
         return "the log still shows it"
-    return ""
+    if finding.severity == "withhold" or not was.verdict.can_weigh:
+        return ""
+    (mass, u), (other, other_u) = _main(was), _main(now)
+    moved = abs(other - mass) > 2.0 * (finding.mass_change_u_kg or 0.0)
+    if moved or other_u < _NARROWER * u or _methods_move(was, now) or finding.severity != "tell":
+        return ""
+    return "neither the mass, by any method, nor its uncertainty would change"
+
+
+def _methods_move(was: Answer, now: Answer) -> bool:
+    """Whether a method of the paper says something else, by more than its standard deviation."""
+    for before, after in zip(was.rows, now.rows, strict=False):
+        for method in before.methods:
+            mass, other = (row.value("mass_kg", method) for row in (before, after))
+            std = before.value("mass_std_kg", method)
+            if mass is not None and other is not None and abs(other - mass) > (std or 0.0):
+                return True
+    return False
+
+
+def _main(said: Answer) -> tuple[float, float]:
+    """Mass and uncertainty of the load that is known best; nothing at all where none is."""
+    known = [load for load in said.loads if load["mass_kg"] is not None and load["u_kg"]]
+    best = min(known, key=lambda load: load["u_kg"], default=None)
+    return (0.0, math.inf) if best is None else (best["mass_kg"], best["u_kg"])
 
 
 def _outcome(path: Path | None, tried: _Tried, before: Run) -> Mended:

@@ -33,8 +33,8 @@ class Proposal:
 
 
 def proposals(finding: Finding) -> tuple[Proposal, ...]:
-    """What a finding proposes, a key each; nothing where it does not pay."""
-    if not finding.pays:
+    """What a finding proposes, a key each; nothing where there is nothing to write."""
+    if not finding.proposes:
         return ()
     keys = [key.strip() for key in str(finding.setting).split(",")]
     values = _values(str(finding.value))
@@ -76,7 +76,7 @@ def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
     import tomlkit
     from tomlkit.container import OutOfOrderTableProxy
     from tomlkit.exceptions import TOMLKitError
-    from tomlkit.items import Table
+    from tomlkit.items import InlineTable, Table
 
     try:
         document = tomlkit.parse(text)
@@ -87,16 +87,26 @@ def mended(text: str, changes: Sequence[Proposal], path: Path) -> str:
                 if section not in place:
                     place[section] = tomlkit.table()
                 place = place[section]
-                if not isinstance(place, Table | OutOfOrderTableProxy):
+                if not isinstance(place, Table | InlineTable | OutOfOrderTableProxy):
                     raise MachineError(f"{path}: '{section}' of {change.key} is no table")
-            # a boolean would come out of a table as it is, without its comment
-            items: Any = place.value if isinstance(place, Table) else place
-            was = items.item(name) if name in place else None
-            theirs = "" if was is None else was.trivia.comment.lstrip("# ")
-            before = "" if was is None else f"; it was {was.as_string()}"
             new = tomlkit.item(change.value)
-            new.comment("; ".join(filter(None, (theirs, f"payscope: {change.comment}{before}"))))
+            # within braces, TOML has no comments
+            if not isinstance(place, InlineTable):
+                new.comment(_comment(place, name, change.comment))
             place[name] = new
         return tomlkit.dumps(document)
     except TOMLKitError as error:
         raise MachineError(f"{path}: is no TOML: {one_line(str(error))}") from None
+
+
+def _comment(place: Any, name: str, why: str) -> str:
+    """What stands behind a key: the user's own words, why it changed, and what it was."""
+    import tomlkit
+    from tomlkit.items import Table
+
+    if name not in place:
+        return f"payscope: {why}"
+    # a boolean would come out of a table as it is, without its comment
+    was = place.value.item(name) if isinstance(place, Table) else tomlkit.item(place[name])
+    theirs = was.trivia.comment.lstrip("# ")
+    return "; ".join(filter(None, (theirs, f"payscope: {why}; it was {was.as_string()}")))

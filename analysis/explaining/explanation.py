@@ -73,14 +73,9 @@ class Finding:
         return cls(**kept)
 
     @property
-    def pays(self) -> bool:
-        """Whether its proposal is worth writing down: it changes the answer, beyond doubt."""
-        if self.setting is None or self.value is None or self.severity == "tell":
-            return False
-        change, u = self.mass_change_kg, self.mass_change_u_kg
-        return self.severity == "withhold" or (
-            change is not None and abs(change) > 2.0 * (u or 0.0)
-        )
+    def proposes(self) -> bool:
+        """Whether it has something to write into the machine file."""
+        return self.setting is not None and self.value is not None
 
 
 @dataclass(frozen=True)
@@ -90,8 +85,8 @@ class Explanation:
     Attributes:
         said: the answer.
         at_s: the moment that is meant; None: the whole run.
-        findings: the causes that the log shows, the likeliest first; those elsewhere in time are
-            left out where a moment is meant. None where the run was not looked at for causes.
+        findings: the causes that the log shows, the likeliest first; those of another
+            time are left out where a moment is meant. None where none was looked for.
         manoeuvre: the one that the moment lies in.
         worst: without a moment, the manoeuvres that say something else than their load.
         gate: the gate's reasons around the moment.
@@ -155,12 +150,14 @@ def _findings(frames: Mapping[str, pl.DataFrame], at_s: float | None) -> tuple[F
         return None
     found = [Finding.of(row) for row in frames["findings"].iter_rows(named=True)]
     if at_s is not None:
-        found = [
-            each
-            for each in found
-            if each.start_s is None or each.start_s - AROUND_S <= at_s <= (each.end_s or at_s)
-        ]
+        found = [each for each in found if _near(each, at_s)]
     return tuple(found)
+
+
+def _near(finding: Finding, at_s: float) -> bool:
+    if finding.start_s is None or finding.end_s is None:
+        return True
+    return finding.start_s - AROUND_S <= at_s <= finding.end_s + AROUND_S
 
 
 def _determined(run: Run, manoeuvre: ManoeuvreSeen | None, at_s: float | None) -> Determined | None:

@@ -1,0 +1,146 @@
+"""`payscope explain`: why, from a recording or a log; and a machine file that is mended."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from replay.mended_file import Proposal, mended
+from tests.replay.sledge import MACHINE, Payscope, one_line
+
+LATE = MACHINE.replace('field = "force_N"', 'field = "force_N"  # of the motor\ndelay_s = 0.05')
+
+
+@pytest.fixture
+def late(tmp_path: Path) -> Path:
+    """A machine file that takes the force to be 50 ms late, which it is not."""
+    path = tmp_path / "late.toml"
+    path.write_text(LATE)
+    return path
+
+
+def test_a_recording_is_explained_as_it_is_and_a_log_by_its_replay(
+    payscope: Payscope, log: Path, late: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out.rrd"
+    payscope("run", log, "-m", late, "-o", out)
+    recorded, replayed = payscope("explain", out), payscope("explain", log, "-m", late)
+    assert recorded.status == replayed.status == 0, recorded.err
+    assert recorded.out == replayed.out
+    assert "delay (force_x_N)" in recorded.out
+    assert "set channels.force_x_N.delay_s = " in recorded.out
+
+
+def test_json_has_everything_that_is_said(payscope: Payscope, log: Path, late: Path) -> None:
+    told = json.loads(payscope("explain", log, "-m", late, "--at", 16, "--json").out)
+    first = told["findings"][0]
+    assert (first["cause"], first["setting"]) == ("delay", "channels.force_x_N.delay_s")
+    assert told["at_s"] == 16.0
+    assert told["gate"][0]["reason"]
+    assert {"determined", "verdict", "loads", "manoeuvre"} <= set(told)
+
+
+def test_a_mended_machine_file_keeps_comments_and_order_and_is_replayed(
+    payscope: Payscope, log: Path, late: Path, tmp_path: Path
+) -> None:
+    target, picture = tmp_path / "mended.toml", tmp_path / "why.png"
+    said = payscope("explain", log, "-m", late, "--apply", "-o", target, "-o", picture, "--json")
+    assert said.status == 0, said
+    told = json.loads(said.out)["mended"]
+    assert [each["key"] for each in told["changes"]] == ["channels.force_x_N.delay_s"]
+    assert abs(told["changes"][0]["value"]) < 0.005
+    before, after = (told[name][0]["mass_kg"] for name in ("loads_before", "loads"))
+    assert after == pytest.approx(120.0, abs=1.0)
+    claimed, u = (told["changes"][0][name] for name in ("change_kg", "change_u_kg"))
+    assert abs(after - before - claimed) < 3.0 * u + 0.1
+    lines = target.read_text().splitlines()
+    assert [line.partition(" #")[0] for line in lines] == [
+        line.partition(" #")[0].replace("0.05", str(told["changes"][0]["value"]))
+        for line in LATE.splitlines()
+    ]
+    (line,) = (line for line in lines if line.startswith("delay_s"))
+    assert "# payscope: delay; " in line
+    assert line.endswith("; it was 0.05")
+    assert 'field = "force_N"  # of the motor' in lines
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    again = payscope("run", log, "-m", target, "--json")
+    assert json.loads(again.out)["loads"][0]["mass_kg"] == after
+
+
+def test_where_nothing_pays_no_file_is_written_and_the_status_says_so(
+    payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "mended.toml"
+    said = payscope("explain", log, "-m", machine_file, "--apply", "-o", target)
+    assert said.status == 1
+    assert "no proposal pays" in said.out
+    assert not target.exists()
+
+
+CHANGE = Proposal("channels.force_x_N.scale", -1.0, "sign_flipped", "sign flipped; why")
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (
+            "# mine\n[channels.force_x_N]\nscale = 1.0 # theirs\nfield = 'a'\n",
+            "# mine\n[channels.force_x_N]\n"
+            "scale = -1.0 # theirs; payscope: sign flipped; why; it was 1.0\nfield = 'a'\n",
+        ),
+        (
+            "[channels.force_x_N]\nfield = 'a' # b\n",
+            "[channels.force_x_N]\nfield = 'a' # b\nscale = -1.0 # payscope: sign flipped; why\n",
+        ),
+        (
+            "channels.force_x_N = {scale = 2.0}\n",
+            "channels.force_x_N = {scale = -1.0}\n",
+        ),
+    ],
+    ids=["over a value", "a new key", "inline"],
+)
+def test_a_change_is_written_where_the_key_is(text: str, wanted: str) -> None:
+    import tomllib
+
+    written = mended(text, [CHANGE], Path("machine.toml"))
+    assert tomllib.loads(written) == tomllib.loads(wanted)
+    if "{" not in text:
+        assert written == wanted
+
+
+def test_a_boolean_is_changed_with_its_comment() -> None:
+    change = Proposal("settings.gate.exclude_braking", True, "braking_inside", "why")
+    text = "[settings.gate]\nexclude_braking = false  # electric\n"
+    assert mended(text, [change], Path("m.toml")).endswith(
+        "exclude_braking = true # electric; payscope: why; it was false\n"
+    ) or "true  # electric; payscope: why; it was false" in mended(text, [change], Path("m.toml"))
+
+
+class TestRefused:
+    """Nothing on stdout, one line on stderr, exit status 2."""
+
+    def test_a_log_without_its_machine_file(self, payscope: Payscope, log: Path) -> None:
+        one_line(payscope("explain", log), "sledge.csv", "-m")
+
+    def test_apply_without_a_file_or_a_machine_file(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        one_line(payscope("explain", log, "-m", machine_file, "--apply"), "-o mended.toml")
+        target = tmp_path / "mended.toml"
+        one_line(payscope("explain", log, "-m", machine_file, "-o", target), "--apply")
+        one_line(
+            payscope("explain", tmp_path / "out.rrd", "--apply", "-o", target), "name it with -m"
+        )
+
+    def test_the_machine_file_itself_as_output(
+        self, payscope: Payscope, log: Path, machine_file: Path
+    ) -> None:
+        one_line(
+            payscope("explain", log, "-m", machine_file, "--apply", "-o", machine_file, "--force"),
+            "is the input itself",
+        )
+
+    def test_a_picture_of_no_format(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        one_line(payscope("explain", log, "-m", machine_file, "-o", tmp_path / "a.bmp"), ".bmp")
