@@ -1,8 +1,8 @@
 """A machine file mended by what a log shows: one proposal at a time, each tried by a replay.
 
 A proposal is kept where the log then still weighs, no longer shows that cause, and has another mass
-by the joint fit or one of the paper's methods, or a smaller uncertainty. The next one is taken from what the log shows after it: what one cause
-explains is gone with it.
+by the joint fit or one of the paper's methods, or a smaller uncertainty. The next one is taken from
+what the log shows after it: what one cause explains is gone with it.
 """
 
 import math

@@ -107,6 +107,6 @@ def _comment(place: Any, name: str, why: str) -> str:
     if name not in place:
         return f"payscope: {why}"
     # a boolean would come out of a table as it is, without its comment
-    was = place.value.item(name) if isinstance(place, Table) else tomlkit.item(place[name])
+    was: Any = place.value.item(name) if isinstance(place, Table) else tomlkit.item(place[name])
     theirs = was.trivia.comment.lstrip("# ")
     return "; ".join(filter(None, (theirs, f"payscope: {why}; it was {was.as_string()}")))
