@@ -3,8 +3,12 @@
 import json
 from pathlib import Path
 
+import polars as pl
 import pytest
 
+from analysis import Run
+from analysis.schema import conform
+from recordings import read_recording, write_recording
 from replay.mended_file import Proposal, mended
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
@@ -79,13 +83,47 @@ def test_a_mended_machine_file_keeps_comments_and_order_and_is_replayed(
     assert json.loads(again.out)["loads"][0]["mass_kg"] == mass
 
 
-def test_a_proposal_that_changes_nothing_is_taken_back(
+def test_a_delay_is_mended_to_within_a_millisecond(
     payscope: Payscope, log: Path, late: Path, tmp_path: Path
 ) -> None:
-    """Starts of a constant force: the joint fit and the paper's methods bear 50 ms."""
-    said = payscope("explain", log, "-m", late, "--apply", "-o", tmp_path / "mended.toml")
-    assert said.status == 1
-    assert "not channels.force_x_N.delay_s (delay): neither the mass" in said.out
+    target = tmp_path / "mended.toml"
+    said = payscope("explain", log, "-m", late, "--apply", "-o", target, "--json")
+    assert said.status == 0, said
+    (change,) = json.loads(said.out)["mended"]["changes"]
+    assert change["key"] == "channels.force_x_N.delay_s"
+    assert abs(change["value"]) < 0.001
+    (line,) = (line for line in target.read_text().splitlines() if line.startswith("delay_s"))
+    assert line.endswith("; it was 0.05")
+
+
+def test_a_proposal_that_leaves_the_log_unable_to_weigh_is_taken_back(
+    payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    out, target = tmp_path / "out.rrd", tmp_path / "mended.toml"
+    payscope("run", log, "-m", machine_file, "-o", out)
+    run = read_recording(out)
+    wrong = conform(
+        "findings",
+        pl.DataFrame(
+            {
+                **{name: [None] for name in run.frames["findings"].columns},
+                "rank": [1],
+                "cause": ["too_little_excitation"],
+                "severity": ["widen"],
+                "strength_1": [3.0],
+                "evidence": ["a mistake"],
+                "setting": ["settings.gate.threshold_nat"],
+                "value": ["50.0"],
+                "alternatives": [""],
+            }
+        ),
+    )
+    doubted = Run({**run.frames, "findings": wrong}, run.provenance)
+    write_recording(doubted, out, force=True)
+    said = payscope("explain", out, "-m", machine_file, "--apply", "-o", target)
+    assert said.status == 1, said
+    assert "not settings.gate.threshold_nat (too little excitation): the log could" in said.out
+    assert not target.exists()
 
 
 def test_where_nothing_pays_no_file_is_written_and_the_status_says_so(
