@@ -51,6 +51,7 @@ PAGES = (
         for name in (
             "first-recording",
             "loads",
+            "explaining",
             "machine-file",
             "simulating",
             "reviewing-a-shift",

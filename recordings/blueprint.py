@@ -9,6 +9,7 @@ import polars as pl
 from analysis.run import Run
 from recordings import colours
 from recordings.display import ROOT, Drawn, axis_range, drawn_of, span_ns
+from recordings.finding_text import findings_of
 from recordings.stored import entity_path
 from recordings.table import TABS, TIME, Kind, component
 from recordings.texts import texts
@@ -54,6 +55,7 @@ class Page:
     name: str
     panels: tuple[Panel, ...] = ()
     texts: tuple[str, ...] = ()
+    events: bool = False
 
 
 def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
@@ -73,8 +75,11 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
                 if (drawn := drawn_of(view, run, shown))
             ),
             tuple(name for name in tab.texts if name in written),
+            events=tab.events and bool(findings_of(run)),
         )
         for tab in TABS
+        # what is not there needs no signals beside it
+        if not tab.events or findings_of(run)
     ]
     return laid_out(pages, unix_span_ns(run))
 
@@ -110,17 +115,25 @@ def text_entity(name: str) -> str:
     return entity_path(f"{ROOT}/text/{name}")
 
 
+def events_entity() -> str:
+    """Where events lie."""
+    return entity_path(f"{ROOT}/events")
+
+
 def _tab(page: Page, span: tuple[int, int] | None) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     beside = bool(page.texts)
     room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
-    plots = [_view(panel, _axis(span, room)) for panel in page.panels]
+    plots: list[rrb.View] = [_view(panel, _axis(span, room)) for panel in page.panels]
     shares = [panel.share for panel in page.panels]
     documents = [
         rrb.TextDocumentView(origin=text_entity(name), name=name.capitalize())
         for name in page.texts
     ]
+    if page.events:
+        plots.append(rrb.TextLogView(origin=events_entity(), name="Events"))
+        shares.append(1.0)
     if plots and documents:
         column = rrb.Vertical(*plots, row_shares=shares)
         return rrb.Horizontal(*documents, column, column_shares=[2, 3], name=page.name)
@@ -171,9 +184,9 @@ def _visualizers(kind: Kind, drawn: Drawn) -> "Iterator[Visualizer]":
 
     if kind is Kind.STATES:
         looks = rr.StateConfiguration(
-            values=list(colours.STATES),
-            labels=[state.replace("_", " ") for state in colours.STATES],
-            colors=[_rgba(colour) for colour in colours.STATES.values()],
+            values=list(colours.states()),
+            labels=[state.replace("_", " ") for state in colours.states()],
+            colors=[_rgba(colour) for colour in colours.states().values()],
         )
         yield looks.visualizer(mappings=[_mapping("StateChange:state", drawn.column)])
         return

@@ -1,5 +1,7 @@
 """One colour a method, phase and reason, the same in the viewer and in the plots."""
 
+from collections.abc import Mapping
+from functools import cache
 from typing import Final
 
 from analysis.methods import METHODS
@@ -11,6 +13,7 @@ _METHODS: Final = tuple(METHODS)
 _GOOD: Final = "#2e9e5b"
 _QUIET: Final = "#7f8c8d"
 _BAD: Final = "#c0392b"
+_WARM: Final = "#e69f00"
 #: Of a state without a colour of its own.
 OTHER: Final = "#b8bfc6"
 #: The states of a lane that a plot shades behind its lines.
@@ -43,6 +46,15 @@ STATES: Final[dict[str, str]] = {
     "not dumped": _QUIET,
     "no mass": _BAD,
 }
+
+
+@cache
+def states() -> Mapping[str, str]:
+    """A colour for each state, and for each cause by what it leads to."""
+    # the causes bring all that looks for them
+    from analysis.findings import CAUSES
+
+    return {**STATES, **{each.key: _BAD if each.withholds else _WARM for each in CAUSES}}
 
 
 def line(number: int) -> str:

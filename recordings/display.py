@@ -5,6 +5,7 @@ held over its span; a state is kept where it changes; of a long log there are th
 extremes of every few seconds. These frames lie under `display/` and are never read back.
 """
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -112,6 +113,8 @@ def display_frames(run: Run, *, decimate: bool = True) -> dict[str, pl.DataFrame
     for view in dict.fromkeys(view for tab in TABS for view in tab.views):
         for series, name in series_of(view, run):
             frame = _one_at_a_time(run.frames[name])
+            if series.frame == "findings":
+                frame = _foremost(frame, span_ns(run))
             if view.kind is Kind.STATES:
                 frames[_lane(series)] = _transitions(series, frame, _period_ns(run))
             elif series.frame in _HELD:
@@ -228,6 +231,29 @@ def _held(numbers: pl.DataFrame, end_ns: pl.Series) -> pl.DataFrame:
     ends = numbers.with_columns(end_ns.alias("t_ns"))
     breaks = ends.select(pl.col("t_ns") + 1)
     return pl.concat([numbers, ends, breaks], how="diagonal").sort("t_ns", maintain_order=True)
+
+
+def _foremost(findings: pl.DataFrame, span: tuple[int, int] | None) -> pl.DataFrame:
+    """Findings one after the other: where several hold, the one of the shortest stretch.
+
+    What is of the whole log is seen where nothing else is.
+    """
+    begin, end = span or (0, 0)
+    rows = [
+        (row["start_t_ns"], row["end_t_ns"], row["cause"])
+        if row["start_t_ns"] is not None and row["end_t_ns"] is not None
+        else (begin, end, row["cause"])
+        for row in findings.sort("rank").iter_rows(named=True)
+    ]
+    edges = sorted({edge for start, stop, _ in rows for edge in (start, stop)})
+    parts: list[tuple[int, int, str]] = []
+    for start, stop in itertools.pairwise(edges):
+        holding = [row for row in rows if row[0] <= start and stop <= row[1]]
+        if holding:
+            parts.append((start, stop - 1, min(holding, key=lambda row: row[1] - row[0])[2]))
+    names = ("start_t_ns", "end_t_ns", "cause")
+    types = (pl.Int64, pl.Int64, pl.String)
+    return pl.DataFrame(parts, schema=dict(zip(names, types, strict=True)), orient="row")
 
 
 def _transitions(series: Series, frame: pl.DataFrame, period_ns: int) -> pl.DataFrame:

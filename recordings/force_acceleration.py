@@ -51,7 +51,7 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
     groups = [("other" if named else "not used", points.filter(rest), colours.OTHER)]
     for reason in named:
         chosen = points.filter(~pl.col("used") & moving & (pl.col("reason") == reason))
-        groups.append((reason.replace("_", " "), chosen, colours.STATES[reason]))
+        groups.append((reason.replace("_", " "), chosen, colours.STATES.get(reason, colours.OTHER)))
     groups.append(("accepted", points.filter("used"), _ACCEPTED))
     for label, group, colour in groups:
         if group.height:

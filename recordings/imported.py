@@ -17,7 +17,7 @@ from recordings.blueprint import Page, Panel, laid_out, text_entity
 from recordings.display import Drawn, binned, stands_alone
 from recordings.drawn_rows import drawn_rows
 from recordings.table import SINCE_START, TIME, Kind
-from recordings.writer import Scene, scene_of
+from recordings.writer import Scene, scene_of, send_events
 
 #: A topic of more rows is drawn by the mean and the extremes of bins.
 _ROWS: Final = 200_000
@@ -122,6 +122,7 @@ def _stream(scene: Scene, ids: ViewerIds, t0_unix_ns: int) -> None:
     for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         recording.log(text_entity(name), document, static=True)
+    send_events(recording, scene, t0_unix_ns)
     for name, frame in scene.shown.items():
         for batch in drawn_rows(name, frame, t0_unix_ns):
             recording.send_record_batch(batch, index=[TIME, SINCE_START])

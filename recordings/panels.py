@@ -160,7 +160,7 @@ def _draw_lanes(
 
 
 def _colour(state: str) -> str:
-    return colours.STATES.get(state, colours.OTHER)
+    return colours.states().get(state, colours.OTHER)
 
 
 def _draw_spans(axes: "Axes", spans: pl.DataFrame, bottom: float) -> None:
@@ -178,7 +178,7 @@ def _draw_shares(axes: "Axes", spans: pl.DataFrame, span: tuple[int, int], botto
     base = np.full(_SHARES, bottom + 0.08)
     starts, ends = spans["t_ns"].to_numpy(), spans["until"].to_numpy()
     names = spans[STATE].to_numpy()
-    for state in [name for name in colours.STATES if name in set(names)]:
+    for state in [name for name in colours.states() if name in set(names)]:
         chosen = names == state
         # time in the state before each edge, whose differences are the time in each bin
         inside = _time_before(starts[chosen], ends[chosen], edges)

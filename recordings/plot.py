@@ -94,7 +94,8 @@ def _draw_gate(run: Run, at_s: float | None) -> "Figure":
 
     views = next(tab for tab in TABS if tab.name == "Gate").views
     figure = Figure(figsize=(_WIDTH_IN, _PANEL_IN * (len(views) + 1)), layout="constrained")
-    over, below = figure.subfigures(2, 1, height_ratios=[len(views), 1.2])
+    parts = figure.subfigures(2, 1, height_ratios=[len(views), 1.2], squeeze=False)
+    over, below = parts[:, 0]
     draw_over_time(over, views, run, display_frames(run, decimate=False), at_s)
     draw_reasons(below.subplots(), run)
     return figure
@@ -108,7 +109,8 @@ def _draw_loads(run: Run, at_s: float | None) -> "Figure":
     views = list(dict.fromkeys(wanted))
     figure = Figure(figsize=(_WIDTH_IN, 1.3 * _PANEL_IN * len(views)), layout="constrained")
     shown = display_frames(run, decimate=False)
-    draw_over_time(figure.subfigures(1, 1), views, run, shown, at_s)
+    (part,) = figure.subfigures(1, 1, squeeze=False)[0]
+    draw_over_time(part, views, run, shown, at_s)
     return figure
 
 

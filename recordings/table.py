@@ -73,6 +73,8 @@ class Tab:
     name: str
     views: tuple[View, ...] = ()
     texts: tuple[str, ...] = ()
+    events: bool = False
+    """Whether it lists the findings as events in time."""
 
 
 def _lines(name: str, frame: str, threshold: str | None = None, /, **series: str) -> View:
@@ -141,6 +143,12 @@ _DECISIONS = _states(
 
 TABS: Final = (
     Tab("Overview", (_FORCE, _SPEED, _INDEX, _DECISIONS, _LOADS, _MASS, _INERTIA), ("answer",)),
+    Tab(
+        "Findings",
+        (_states("Findings", ("findings", "cause", "finding")), _FORCE, _SPEED),
+        ("findings",),
+        events=True,
+    ),
     Tab(
         "Loads",
         (
@@ -333,6 +341,8 @@ PAGE: Final = (
     _INERTIA,
     _COM,
 )
+#: What an explanation shows around a moment.
+MOMENT: Final = (_FORCE, _ACCELERATION, _SPEED, _INDEX, _DECISIONS)
 #: Declared columns that no view draws, by frame: time, tables that are shown as text, and the
 #: smoothed copy of channels that "Channels" and "Attitude" draw as aligned.
 KEPT: Final[dict[str, tuple[str, ...]]] = {
@@ -394,7 +404,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",
         "findings": (
-            "rank cause severity channel start_t_ns end_t_ns strength_1 evidence "
+            "rank severity channel start_t_ns end_t_ns strength_1 evidence "
             "mass_change_kg mass_change_u_kg setting value alternatives"
         ),
         "calibration": (

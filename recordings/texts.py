@@ -13,6 +13,7 @@ from analysis.check import Verdict
 from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
 from recordings.display import span_ns
+from recordings.finding_text import finding_line, findings_of, findings_text
 from recordings.planar_text import planar, planar_lines
 from recordings.wording import number, outcome, plus_minus, table
 from recordings.worth_text import (
@@ -45,6 +46,7 @@ def texts(run: Run) -> dict[str, str]:
     """Every text that this run has something to say in, by name."""
     written: dict[str, Callable[[Run], str]] = {
         "answer": answer_text,
+        "findings": findings_text,
         "planar": planar,
         "calibration": calibration,
         "settings": settings,
@@ -64,6 +66,8 @@ def machine_name(about: Provenance) -> str:
     return str(_body(about).get("name", ""))
 
 
+#: Findings beside the answer; their own text has all.
+_FOUND: Final = 3
 #: Of a page's loads.
 _MOST_LINES: Final = 12
 
@@ -122,6 +126,8 @@ def summary(run: Run) -> str:
             turns = f", yaw inertia {_of(row, method, *_INERTIA)} kg·m²" if inertia else ""
             lines.append(f"{method:<8} {mass}{turns}")
     lines += planar_lines(said.planar)
+    for each in findings_of(run)[:_FOUND]:
+        lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
     for check in said.verdict.checks:
         came_out = outcome(check, passed="passed", failed="FAILED", absent="n/a")
@@ -152,6 +158,11 @@ def answer_text(run: Run) -> str:
                 f"{check.meaning}"
                 for check in failed
             )
+        )
+    if found := findings_of(run):
+        parts.append("## What this log shows")
+        parts.append(
+            "\n".join(f"- **{each.rank}** {finding_line(each)}" for each in found[:_FOUND])
         )
     parts += _worth(said)
     if len(said.loads) > 1:

@@ -12,9 +12,10 @@ import polars as pl
 
 from analysis.run import Run
 from estimators.errors import OutputError, RecordingError
-from recordings.blueprint import blueprint, text_entity
-from recordings.display import display_frames
+from recordings.blueprint import blueprint, events_entity, text_entity
+from recordings.display import display_frames, span_ns
 from recordings.drawn_rows import drawn_rows
+from recordings.finding_text import finding_line, findings_of
 from recordings.output import check_output, whole_file
 from recordings.piped_file import PipedFile, piped_file
 from recordings.reader import FORMAT, PROPERTY, opened
@@ -88,13 +89,24 @@ class Scene:
     shown: Mapping[str, pl.DataFrame]
     layout: "Blueprint"
     texts: Mapping[str, str]
+    events: tuple[tuple[int, str, bool], ...] = ()
+    """`t_ns`, a line, and whether it is a warning."""
 
 
 def scene_of(run: Run) -> Scene:
     """A run by the table of views."""
     shown = display_frames(run)
     name = recording_name(run.provenance)
-    return Scene(name, shown, blueprint(run, shown), texts(run))
+    begin = (span_ns(run) or (0, 0))[0]
+    events = sorted(
+        (
+            begin if each.start_s is None else round(each.start_s * 1e9),
+            finding_line(each),
+            each.severity != "tell",
+        )
+        for each in findings_of(run)
+    )
+    return Scene(name, shown, blueprint(run, shown), texts(run), tuple(events))
 
 
 def write_scene(
@@ -168,6 +180,7 @@ def _write(
     for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         recording.log(text_entity(name), document, static=True)
+    send_events(recording, scene, run.provenance.t0_unix_ns)
     _settle(recording, piped, path)  # what describes the frames first, or a cut file is past help
     waiting = 0
     for index, batch in _batches(run, scene.shown):
@@ -178,6 +191,26 @@ def _write(
             waiting = 0
     _settle(recording, piped, path)
     recording.disconnect()
+
+
+def send_events(recording: "RecordingStream", scene: Scene, t0_unix_ns: int) -> None:
+    """Send the events of a scene, on both timelines."""
+    import numpy as np
+    import rerun as rr
+
+    if not scene.events:
+        return
+    t_ns, lines, warn = zip(*scene.events, strict=True)
+    since_start = np.array(t_ns, np.int64)
+    levels = [rr.TextLogLevel.WARN if each else rr.TextLogLevel.INFO for each in warn]
+    recording.send_columns(
+        events_entity(),
+        indexes=[
+            rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
+            rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
+        ],
+        columns=rr.TextLog.columns(text=list(lines), level=levels),
+    )
 
 
 def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:

@@ -48,7 +48,7 @@ _THINNED: Final = 10
 _OF_THE_GRID: Final = ("excitation", "gate")
 #: Frames that a shift's recording has whole.
 _WHOLE: Final = (
-    *("digging", "segments", "loads", "manoeuvres", "cycles", "shift"),
+    *("digging", "segments", "loads", "manoeuvres", "cycles", "shift", "findings"),
     *("nuisances", "budget", "masses", "verdict"),
 )
 #: Points of the track.

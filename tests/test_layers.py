@@ -23,6 +23,7 @@ ORDER = (
     ("analysis/simulation", "analysis/weighing"),
     ("analysis/diagnosis",),
     ("analysis/findings",),
+    ("analysis/explaining",),
     ("analysis/calibration", "analysis/experiment_design"),
     ("analysis/cycles", "analysis/fleet", "analysis/reproduction"),
     ("recordings",),

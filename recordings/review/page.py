@@ -15,6 +15,8 @@ from recordings.wording import plus_minus
 
 PAGE: Final = "review.html"
 _TEMPLATE: Final = "review.html.j2"
+#: A page is no list of all that may be wrong.
+_MOST_FINDINGS: Final = 3
 NOT_CALIBRATED: Final = "Payloads are not calibrated"
 #: Of an interval with a confidence of 95 %.
 K: Final = 2.0
@@ -190,6 +192,10 @@ def _warnings(page: ReviewPage) -> list[str]:
     widened = [c.check for c in state.failed if c.consequence == "widen"]
     if widened:
         found.append(f"Checks that failed and widen the ±: {', '.join(widened)}.")
+    found += [
+        f"These logs show {finding}; payscope explain {RECORDING} says more."
+        for finding in state.findings[:_MOST_FINDINGS]
+    ]
     if state.scale_unknown and not page.calibration.counts:
         found.append(
             f"Scale not known: the machine file gives no uncertainty of {state.scale_unknown}, so "

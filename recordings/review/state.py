@@ -11,12 +11,13 @@ from analysis.check import Verdict
 from analysis.cycles.friction import FrictionPart, friction_parts
 from analysis.cycles.lost import holes
 from analysis.run import InputFile, Run
+from recordings.finding_text import finding_line, findings_of
 from recordings.texts import local_time, machine_name
 
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
-FORMAT: Final = 2
+FORMAT: Final = 3
 _NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
@@ -59,6 +60,7 @@ class ReviewState(BaseModel):
         friction_parts: the same over the shift.
         scale_unknown: what the machine file gives no uncertainty of.
         gaps_s: stretches without a recording, from the first sample.
+        findings: causes of a wrong mass that these logs show and that matter, a line each.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -82,6 +84,7 @@ class ReviewState(BaseModel):
     friction_parts: tuple[FrictionPart, ...] = ()
     digs: int
     scale_unknown: str
+    findings: tuple[str, ...] = ()
 
 
 def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]) -> ReviewState:
@@ -135,6 +138,7 @@ def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]
         ),
         digs=frames["digging"].height,
         scale_unknown=load["scale_unknown"] or "",
+        findings=tuple(finding_line(e) for e in findings_of(run) if e.severity != "tell"),
     )
 
 

@@ -21,6 +21,7 @@ from replay.commands import (
     compare,
     demo,
     excite,
+    explain,
     fleet,
     info,
     init,
@@ -44,7 +45,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    *(demo, info, init, run, show, plot, view, compare, sweep),
+    *(demo, info, init, run, show, plot, view, explain, compare, sweep),
     *(review, calibrate, verify, reproduce, excite, simulate),
 )
 for _command in _COMMANDS:

@@ -116,6 +116,7 @@ def straight_drives(
         "budget": _budget(),
         "masses": _masses(rng, accepted, passed),
         "verdict": _verdict(passed),
+        "findings": _findings(),
     }
     if calibration:
         frames["calibration"] = _calibration(rng)
@@ -156,6 +157,30 @@ def _theta(rng: np.random.Generator, n: int, std: float) -> dict[str, np.ndarray
         "residual_rms_N_m": rng.uniform(20, 40, n),
         "condition_1": rng.uniform(2, 9, n),
     }
+
+
+def _findings() -> pl.DataFrame:
+    """A delay of the whole log, and a frozen channel in a part of it."""
+    return conform(
+        "findings",
+        pl.DataFrame(
+            {
+                "rank": [1, 2],
+                "cause": ["delay", "frozen"],
+                "severity": ["widen", "withhold"],
+                "channel": ["force_x_N", "speed_x_m_s"],
+                "start_t_ns": [None, 7 * 10**9],
+                "end_t_ns": [None, 9 * 10**9],
+                "strength_1": [6.0, 2.0],
+                "evidence": ["it is 42 ± 3 ms late", "it repeats one reading for 2.0 s"],
+                "mass_change_kg": [123.4, None],
+                "mass_change_u_kg": [10.0, None],
+                "setting": ["channels.force_x_N.delay_s", None],
+                "value": ["0.042", None],
+                "alternatives": ["imu_low_passed", ""],
+            }
+        ),
+    )
 
 
 def _noise():

@@ -1,0 +1,175 @@
+"""`payscope explain`: why an estimate is bad, and what would mend it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rich.console import Console
+
+    from analysis.answer import Answer
+    from analysis.explaining import Explanation
+    from replay.explain import Mended
+
+
+def command(
+    recording: Annotated[
+        Path, typer.Argument(help="A recording (.rrd), or a log with its machine file.")
+    ],
+    at_s: Annotated[
+        float | None, typer.Option("--at", help="Explain this second instead of the whole run.")
+    ] = None,
+    machine: Annotated[
+        Path | None, typer.Option("-m", "--machine", help="Replay with this machine file.")
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Override the machine file; repeatable."),
+    ] = None,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "-o", "--output", help="Picture (.png, .pdf, .svg), or with --apply a .toml; or both."
+        ),
+    ] = None,
+    apply: Annotated[
+        bool, typer.Option("--apply", help="Write the machine file with the proposals that pay.")
+    ] = False,
+    force: Annotated[bool, typer.Option(help="Replace existing files.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print everything as JSON.")] = False,
+) -> None:
+    """Say why a run weighs what it weighs: causes that show, the gate, what is not determined.
+
+    Each cause comes with what was measured, what mending it would do to the mass, the key of the
+    machine file, and the causes that this log does not tell it from. With --apply -o mended.toml
+    the machine file is written with the proposals that pay, and the log replayed with it. Exit
+    status 1 if nothing pays.
+    """
+    from replay.commands.printing import print_json
+    from replay.commands.progress import Stages
+    from replay.explain import Asked, explain_run
+    from replay.pipeline import STAGES
+
+    picture, mended_file = _outputs(output or [], apply=apply)
+    if overrides and machine is None:
+        raise typer.BadParameter("--set overrides a machine file: name it with -m")
+    asked = Asked(
+        recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
+    )
+    with Stages(len(STAGES)) as stages:
+        explained, mended = explain_run(asked, stages.begin)
+    if as_json:
+        told = {} if mended is None else {"mended": _mended_dict(mended)}
+        print_json({**explained.to_dict(), **told})
+    else:
+        _print(explained, mended, asked.picture)
+    if mended is not None and mended.path is None:
+        raise typer.Exit(1)
+
+
+def _outputs(paths: list[Path], *, apply: bool) -> tuple[Path | None, Path | None]:
+    """The picture and the machine file among the outputs.
+
+    Raises:
+        BadParameter: two of a kind, or --apply without a file for it, or a file without --apply.
+    """
+    files = [path for path in paths if path.suffix == ".toml"]
+    pictures = [path for path in paths if path.suffix != ".toml"]
+    if len(files) > 1 or len(pictures) > 1:
+        raise typer.BadParameter("-o takes one picture, and with --apply one .toml")
+    if apply and not files:
+        raise typer.BadParameter("--apply writes a machine file: name it, as -o mended.toml")
+    if files and not apply:
+        raise typer.BadParameter(f"{files[0]}: a machine file is written with --apply")
+    return (pictures[0] if pictures else None), (files[0] if files else None)
+
+
+def _mended_dict(mended: "Mended") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "path": None if mended.path is None else str(mended.path),
+        "changes": [asdict(each) for each in mended.changes],
+        "taken_back": [asdict(each) for each in mended.taken_back],
+        "can_weigh": mended.after.verdict.can_weigh,
+        "loads_before": [dict(row) for row in mended.before.loads],
+        "loads": [dict(row) for row in mended.after.loads],
+        "findings_left": [asdict(each) for each in mended.left],
+    }
+
+
+def _print(explained: "Explanation", mended: "Mended | None", picture: Path | None) -> None:
+    from recordings.explained_text import (
+        determined_lines,
+        finding_lines,
+        gate_lines,
+        manoeuvre_line,
+        verdict_sentence,
+    )
+    from replay.commands.printing import console, print_line
+
+    screen = console()
+
+    def part(title: str, lines: "Iterable[str]") -> None:
+        listed = list(lines)
+        if listed:
+            screen.print(f"\n{title}", markup=False)
+        for line in listed:
+            print_line(screen, line)
+
+    print_line(screen, verdict_sentence(explained))
+    failed = explained.said.verdict.failed("mass")
+    part("checks that failed:", (f"{c.check}: {c.meaning} ({c.limit})" for c in failed))
+    part("causes, the likeliest first:", finding_lines(explained))
+    if explained.manoeuvre is not None:
+        part("its manoeuvre:", [manoeuvre_line(explained.manoeuvre)])
+    part("manoeuvres that stand out:", map(manoeuvre_line, explained.worst))
+    around = "the gate around it:" if explained.at_s is not None else "the gate, by share of time:"
+    part(around, gate_lines(explained))
+    part("the motion:", determined_lines(explained.determined))
+    if mended is not None:
+        _print_mended(screen, mended)
+    if picture is not None:
+        screen.print()
+        print_line(screen, f"picture: {picture}")
+
+
+def _print_mended(screen: "Console", mended: "Mended") -> None:
+    from recordings.finding_text import name_of
+    from replay.commands.printing import print_line, value_text
+
+    screen.print("\nmended, each proposal tried by a replay:", markup=False)
+    for each in mended.changes:
+        claim = ""
+        if each.change_kg is not None:
+            claim = f", claimed {each.change_kg:+,.2f} ± {each.change_u_kg or 0.0:,.2f} kg"
+        said = f"{each.key} = {value_text(each.value)} ({name_of(each.cause)}{claim})"
+        print_line(screen, said)
+    for tried in mended.taken_back:
+        key, cause = tried.proposal.key, name_of(tried.proposal.cause)
+        print_line(screen, f"not {key} ({cause}): {tried.why}")
+    if mended.path is None:
+        print_line(screen, "no proposal pays, so no machine file was written")
+        return
+    before, after = _mass(mended.before), _mass(mended.after)
+    print_line(screen, f"mass: {before or 'withheld'} before, {after or 'withheld'} replayed")
+    left = ", ".join(name_of(each.cause) for each in mended.left) or "no cause"
+    print_line(screen, f"the log still shows: {left}")
+    print_line(screen, f"machine file: {mended.path}")
+
+
+def _mass(answer: "Answer") -> str:
+    """The mass of the heaviest load, or of the only one; nothing where it is withheld."""
+    from recordings.wording import plus_minus
+
+    if not answer.verdict.can_weigh:
+        return ""
+    known = [load for load in answer.loads if load["mass_kg"] is not None]
+    if not known:
+        return ""
+    most = max(known, key=lambda load: load["mass_kg"])
+    which = f" (load {most['load_id']}, the heaviest)" if len(known) > 1 else ""
+    return f"{plus_minus(most['mass_kg'], most['u_kg'])} kg{which}"

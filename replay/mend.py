@@ -1,0 +1,205 @@
+"""A machine file mended by what a log shows: one proposal at a time, each tried by a replay.
+
+A proposal is kept where the log then still weighs, no longer shows that cause, and is known no
+worse. The next one is taken from what the log shows after it: what one cause explains is gone with
+it.
+"""
+
+import math
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from analysis.answer import Answer, answer
+from analysis.explaining import Finding
+from analysis.run import Run
+from estimators.errors import DataError, MachineError
+from recordings.finding_text import findings_of
+from recordings.output import whole_file
+from replay.machine_file import load_machine, machine_path, time_axis
+from replay.mended_file import Proposal, mended, proposals
+from replay.pipeline import run
+from replay.read_once import ReadOnce
+from replay.readers import Log, open_log
+
+#: More causes at once are no log to mend.
+_MOST: Final = 8
+#: By how much the uncertainty may grow for a cause that hardly moves the mass.
+_WIDER: Final = 1.05
+
+
+@dataclass(frozen=True, slots=True)
+class MachineText:
+    """A machine file, and overrides that count beside it.
+
+    Attributes:
+        path: of the file, or the name of a shipped one.
+        overrides: `key=value`.
+    """
+
+    path: Path
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class TakenBack:
+    """A proposal that was tried and does not pay.
+
+    Attributes:
+        proposal: its first key.
+        why: in words.
+    """
+
+    proposal: Proposal
+    why: str
+
+
+@dataclass(frozen=True)
+class Mended:
+    """What a mended machine file does.
+
+    Attributes:
+        path: of the file; None where nothing pays, so that none was written.
+        changes: what was written into it.
+        taken_back: what was tried and left out.
+        before: the answer without.
+        after: the answer of a replay with it.
+        left: what the log then still shows.
+    """
+
+    path: Path | None
+    changes: tuple[Proposal, ...]
+    taken_back: tuple[TakenBack, ...]
+    before: Answer
+    after: Answer
+    left: tuple[Finding, ...]
+
+
+@dataclass
+class _Tried:
+    """What was kept so far, and what not."""
+
+    text: str
+    run: Run
+    changes: list[Proposal] = field(default_factory=list[Proposal])
+    taken_back: list[TakenBack] = field(default_factory=list[TakenBack])
+    seen: set[tuple[str, str | None]] = field(default_factory=set[tuple[str, str | None]])
+
+
+def mend(
+    path: Path,
+    source: MachineText,
+    before: Run,
+    output: tuple[Path, bool],
+    on_stage: Callable[[str], None] = lambda _: None,
+) -> Mended:
+    """Write the machine file with the proposals that pay.
+
+    Args:
+        path: the log, or a recording of it.
+        source: the machine file that it was replayed with.
+        before: that replay.
+        output: the file to write, and whether to replace one that is there.
+        on_stage: told the stages of each replay.
+
+    Raises:
+        PayscopeError: the machine file cannot be read, or the output not written.
+    """
+    file = machine_path(source.path)
+    tried = _Tried(_text(file), before)
+    machine = load_machine(source.path, source.overrides)
+    with (
+        open_log(path, time=time_axis(machine)) as opened,
+        tempfile.TemporaryDirectory(prefix="payscope-") as folder,
+    ):
+        log, trial = ReadOnce(opened), Path(folder) / file.name
+        for _ in range(_MOST):
+            finding = _next(tried)
+            if finding is None:
+                break
+            _try(tried, finding, (log, source, file, trial), on_stage)
+    if not tried.changes:
+        return _outcome(None, tried, before)
+    with whole_file(output[0], force=output[1]) as partial:
+        partial.write_text(tried.text, encoding="utf-8")
+    return _outcome(output[0], tried, before)
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MachineError(f"{file}: cannot be read ({error})") from None
+
+
+def _next(tried: _Tried) -> Finding | None:
+    """The likeliest cause that has a proposal which pays and was not tried."""
+    return next(
+        (
+            each
+            for each in findings_of(tried.run)
+            if (each.cause, each.channel) not in tried.seen and proposals(each)
+        ),
+        None,
+    )
+
+
+def _try(
+    tried: _Tried,
+    finding: Finding,
+    of: tuple[Log, MachineText, Path, Path],
+    on_stage: Callable[[str], None],
+) -> None:
+    """Replay with a proposal, and keep it or take it back."""
+    log, source, file, trial = of
+    tried.seen.add((finding.cause, finding.channel))
+    changes = proposals(finding)
+    keys = {each.key for each in (*tried.changes, *changes)}
+    overrides = [each for each in source.overrides if each.partition("=")[0].strip() not in keys]
+    try:
+        text = mended(tried.text, changes, file)
+        trial.write_text(text, encoding="utf-8")
+        replayed = run(log, load_machine(trial, overrides), on_stage)
+    except (DataError, MachineError) as error:
+        why = str(error).removeprefix(f"{trial}: ")
+        tried.taken_back.append(TakenBack(changes[0], why))
+        return
+    why = _worse(tried.run, replayed, finding)
+    if why:
+        tried.taken_back.append(TakenBack(changes[0], why))
+        return
+    tried.text, tried.run = text, replayed
+    tried.changes += changes
+
+
+def _worse(before: Run, after: Run, finding: Finding) -> str:
+    """Why a replay is no better for a proposal, or nothing."""
+    was, now = answer(before), answer(after)
+    if was.verdict.can_weigh and not now.verdict.can_weigh:
+        return "the log could no longer weigh"
+    still = {(each.cause, each.channel) for each in findings_of(after)}
+    if (finding.cause, finding.channel) in still:
+        return "the log still shows it"
+    if finding.severity == "withhold" or not was.verdict.can_weigh:
+        return ""
+    if finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
+        return "the uncertainty would grow"
+    return ""
+
+
+def _u_kg(said: Answer) -> float:
+    """Uncertainty of the load that is known best."""
+    return min((load["u_kg"] for load in said.loads if load["u_kg"] is not None), default=math.inf)
+
+
+def _outcome(path: Path | None, tried: _Tried, before: Run) -> Mended:
+    return Mended(
+        path,
+        tuple(tried.changes),
+        tuple(tried.taken_back),
+        answer(before),
+        answer(tried.run),
+        findings_of(tried.run),
+    )
