@@ -36,6 +36,8 @@ from estimators.errors import PayscopeError
 _REPO = Path(__file__).resolve().parent.parent
 #: What the tables depend on, of which a change makes them old.
 SOURCES = ("analysis/findings", "analysis/diagnosis", "analysis/simulation/faults.py")
+#: Seeds a fault from which shares say how often something holds.
+ENOUGH = 50
 #: Pairs of faults a seed, and what each needs to be one of two.
 PAIRS = 4
 
@@ -108,8 +110,10 @@ def shown(rows: list[dict[str, Any]], *, write: bool) -> None:
     trials, pairs = [trial(row) for row in of("fault")], [trial(row) for row in of("pair")]
     clean = [(row["seed"], row["odd"], tuple(row["names"])) for row in of("clean")]
     late = [DelayTrial(**row) for row in of("delay")]
+    seeds = len({t.seed for t in trials})
+    few = "" if seeds >= ENOUGH else f"**Fewer seeds than {ENOUGH}: no rate is shown by them.** "
     counted = (
-        f"{len({t.seed for t in trials})} seeds a fault, {len(trials)} logs with one fault, "
+        f"{few}{seeds} seeds a fault, {len(trials)} logs with one fault, "
         f"{len(pairs)} with two, {len(clean)} with none, {len(late)} of delays; "
         f"{len(of('error'))} seeds ended with an error.\n\nCode: `{code_digest()}`"
     )
