@@ -135,7 +135,7 @@ def simulated(sections: Sections, faults: Sequence[tuple[Fault, float]]) -> list
         after = {"campaign": {**campaign, "runs": last}}
         logs = list(simulate_campaign(Scenario.model_validate(joined(sections, *part, before))))
         begin = int(logs[0].timeline.end_ns // 10**9) + 60
-        later = joined(whole, after, {"recorder": {"start_unix_s": begin}})
+        later = joined(whole, after, {"log": {"start_unix_s": begin}})
         later["sensors"] = {**later["sensors"], "seed": later["sensors"]["seed"] + 500_000_000}
         logs += list(simulate_campaign(Scenario.model_validate(later)))
     for fault, size in faults:

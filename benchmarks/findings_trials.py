@@ -164,3 +164,39 @@ def _trial(
         true_kg=(without.mass_kg or 0.0) - (of.mass_kg or 0.0) if both else None,
         names=tuple(each[0] for each in of.causes),
     )
+
+
+@dataclass(frozen=True)
+class DelayTrial:
+    """A delay of the force, and what the likelihood finds."""
+
+    true_s: float
+    found_s: float
+    seed: int
+
+
+#: Where a log's delay is put into its settings: what is proposed is what was found.
+_DELAYS: Final = tuple(round(0.01 * step, 2) for step in range(9))
+#: The notes' noise, on the paper's loader.
+_NOTES: Final[Sections] = {
+    "machine": {"mass_kg": 3614.0},
+    "campaign": {"loads_kg": [0.0], "runs": 9, "throttle_force_N": 6000.0},
+}
+
+
+def delays(seed: int) -> list[DelayTrial]:
+    """The paper's loader, nine starts, with every delay of the force."""
+    out: list[DelayTrial] = []
+    for true_s in _DELAYS:
+        sensors = {"force_delay_s": true_s, "seed": seed}
+        replay = replayed(joined(_NOTES, {"sensors": sensors}), (), ())
+        terms = replay.frames["nuisances"].to_dicts()
+        fallback = next(row["posterior"] for row in terms if row["term"] == "lag")
+        named = [
+            row
+            for row in replay.frames["findings"].to_dicts()
+            if row["cause"] == "delay" and (row["channel"] or "").startswith("torque")
+        ]
+        found_s = float(named[0]["value"].split(", ")[0]) if named else float(fallback)
+        out.append(DelayTrial(true_s, found_s, seed))
+    return out

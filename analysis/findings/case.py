@@ -22,8 +22,9 @@ from analysis.windows import windows_with
 FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
 SPEEDS: Final = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
 ACC: Final = "specific_force_x_m_s2"
-#: Standing is judged so far from motion,
-_CLEAR_S: Final = 0.5
+#: Standing is judged so long after motion, and before it,
+_AFTER_S: Final = 1.2
+_BEFORE_S: Final = 0.2
 #: by means of so long, and not fewer of them.
 _BLOCK_S: Final = 0.5
 _FEWEST_BLOCKS: Final = 6
@@ -80,10 +81,12 @@ class Case:
 
     @cached_property
     def stands_still(self) -> Bools:
-        """Those of them with no motion near, (n,)."""
+        """Those of them with no motion near, (n,): a machine swings after it has stopped."""
         near = ~self.stands
-        clear = round(_CLEAR_S * self.machine.settings.align.rate_hz)
-        return ~(windows_with(near, clear) | windows_with(near[::-1], clear)[::-1])
+        after, before = (
+            round(s * self.machine.settings.align.rate_hz) for s in (_AFTER_S, _BEFORE_S)
+        )
+        return ~(windows_with(near, after) | windows_with(near[::-1], before)[::-1])
 
     @property
     def series(self) -> Mapping[str, Series]:

@@ -24,6 +24,8 @@ _A_CAUSE: Final = 9.0
 DEVIATIONS: Final = 5.0
 LEAST_M_S2: Final = 0.01
 LEAST_SHARE: Final = 0.004
+#: Fewer rows tell nothing.
+_FEWEST: Final = 30
 #: One that pitch vouches for is there whether driving sees it or not.
 _PITCH: Final = "pitch_rad"
 
@@ -91,7 +93,7 @@ def _explained(case: Case) -> Constants:
         system = force_system(
             _without(motion, rest[0] * acts, error[0] * tilted), noise, mass_kg, viscous
         )
-        if system is None:
+        if system.y.size < _FEWEST:
             return Constants(rest, error, None, None, None)
         own = Explained.of(system, ())
         variances.append(own.variance)

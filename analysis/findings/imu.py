@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.evidence import Floats
 from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
 from analysis.findings.constants import DEVIATIONS, LEAST_M_S2, constants, gravity, has_pitch
@@ -15,10 +16,18 @@ from analysis.schema import values
 from analysis.units import to_si
 from analysis.weighing.equation import Equation
 
+#: Of gravity on z a tilt must take so much to be told from a bias.
+_TELLS_M_S2: Final = 0.05
 #: A yaw of less is mounting, not misalignment.
 _LEAST_YAW_RAD: Final = 0.03
 #: Of the wheels' acceleration an accelerometer that sees less is low-passed,
 _ATTENUATED: Final = 0.6
+#: by so many deviations; over so long, and so many of them.
+_SURELY: Final = 2.0
+_SPAN_S: Final = 0.1
+_FEWEST_SPANS: Final = 50
+#: A ratio so sure may be that of a unit.
+_TELLS_UNIT: Final = 0.02
 #: one that sees less of gravity at standstill has none.
 _GRAVITY: Final = 0.5
 #: An angle whose gravity is to be missed.
@@ -29,6 +38,11 @@ _UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
 _PITCH: Final = "pitch_rad"
 _Y: Final = "specific_force_y_m_s2"
 _Z: Final = "specific_force_z_m_s2"
+#: What a turned IMU must have read to be turned back.
+_ALL_AXES: Final = (
+    *(ACC, _Y, _Z),
+    *("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
+)
 
 
 def without_gravity(case: Case) -> bool:
@@ -39,24 +53,36 @@ def without_gravity(case: Case) -> bool:
 
 def tilted(case: Case) -> list[Sign]:
     """Gravity on the forward axis at standstill, and motion across the axis that drives."""
-    found = [*_tilt(case), *_yaw(case)]
+    upright = _zero(case, ("tilt", ""))
+    found = [*upright, *_yaw(case)]
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
-def _tilt(case: Case) -> list[Sign]:
+def biased(case: Case) -> list[Sign]:
+    """The same with all of gravity on z: what is on x is none of it."""
+    return _zero(case, ("bias",))
+
+
+def _zero(case: Case, kinds: tuple[str, ...]) -> list[Sign]:
     seen = constants(case)
     error, std = seen.error_m_s2
     if not np.isfinite(error) or seen.tilt is False or without_gravity(case):
         return []
+    kind = _kind(case, error)
+    if kind not in kinds:
+        return []
     # ground that slopes leaves no constant force, a tilt does
-    others = ("imu_bias",) if seen.tilt or has_pitch(case) else ("imu_bias", "slope")
+    others = () if kind else ("imu_bias",)
+    if not (seen.tilt or has_pitch(case)):
+        others = (*others, "slope")
     names = case.measured(ACC)
     degrees = np.degrees(np.arcsin(np.clip(error / case.machine.machine.gravity_m_s2, -1.0, 1.0)))
+    said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
     return [
         Sign(
             float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
             f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
-            f"{degrees:+.2f}° nose-up, or a bias",
+            f"{degrees:+.2f}° {said}",
             channel=ACC,
             setting=f"channels.{ACC}.offset" if names else None,
             value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
@@ -68,6 +94,20 @@ def _tilt(case: Case) -> list[Sign]:
             alternatives=others,
         )
     ]
+
+
+def _kind(case: Case, error: float) -> str:
+    """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
+    z, _ = case.level(_Z)
+    pull = case.machine.machine.gravity_m_s2
+    if not np.isfinite(z) or not has_pitch(case) or abs(error) >= pull:
+        return ""
+    pitch = case.level(_PITCH)[0]
+    share = np.arcsin(error / pull)
+    upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
+    if upright - turned < _TELLS_M_S2:
+        return ""
+    return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
 
 
 def _yaw(case: Case) -> list[Sign]:
@@ -92,14 +132,20 @@ def _yaw(case: Case) -> list[Sign]:
         return []
     angle = float(np.arctan2(across, along))
     strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
+    if len(case.measured(*_ALL_AXES)) == len(_ALL_AXES):
+        setting = "machine.imu.yaw_deg"
+        value = f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
+    else:
+        # what drives straight is seen by its share alone
+        setting, value = case.scaled(case.measured(ACC), 1.0 / float(np.cos(angle)))
     return [
         Sign(
             strength,
             f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° from the forward axis to the "
             "direction that it reads while the wheels speed up",
             channel=_Y,
-            setting="machine.imu.yaw_deg",
-            value=f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}",
+            setting=setting,
+            value=value,
             change=lambda: mended(
                 case,
                 lambda motion: accelerated(motion, lambda x: x / np.cos(angle)),
@@ -110,25 +156,58 @@ def _yaw(case: Case) -> list[Sign]:
 
 
 def low_passed(case: Case) -> list[Sign]:
-    """An accelerometer that sees a part of the wheels' acceleration."""
-    gain = case.checks.get("acceleration_gain", np.nan)
-    if not np.isfinite(gain) or gain > _ATTENUATED or gain < -0.3:
+    """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
+    found = _share_seen(case)
+    if found is None:
         return []
-    if any(abs(gain / unit - 1.0) < 0.05 for unit in _UNITS) and case.fit is not None:
+    gain, std = found
+    if gain + _SURELY * std < -_ATTENUATED / 2.0:
+        return []
+    if std < _TELLS_UNIT and any(abs(gain / unit - 1.0) < 0.06 for unit in _UNITS):
         return []
     return [
         Sign(
-            1.0 + (_ATTENUATED - gain) / 0.1,
-            f"it reads {gain:.2f} of the acceleration of the wheels",
+            (_ATTENUATED - gain) / (_SURELY * std),
+            f"it reads {gain:.2f} ± {std:.2f} of the acceleration of the wheels",
             channel=ACC,
-            alternatives=("delay",) if gain > 0.5 else (),
+            alternatives=("delay",) if gain > _ATTENUATED - 0.1 else (),
         )
     ]
 
 
+def _share_seen(case: Case) -> tuple[float, float] | None:
+    """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
+    if ACC not in case.aligned.columns or not case.measured(ACC):
+        return None
+    size = max(round(_SPAN_S * case.machine.settings.align.rate_hz), 1)
+    count = case.aligned.height // size
+    if count < _FEWEST_SPANS:
+        return None
+
+    def means(x: Floats) -> Floats:
+        return x[: count * size].reshape(count, size).mean(axis=1)
+
+    speed = means(values(case.aligned, "speed_x_m_s"))
+    reads = means(values(case.aligned, ACC) - gravity(case))
+    moves = means((~case.stands).astype(float)) > 0.0
+    x, y = np.diff(speed) / _SPAN_S, (reads[1:] + reads[:-1]) / 2.0
+    used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
+    if used.sum() < _FEWEST_SPANS:
+        return None
+    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    power = float(x @ x)
+    if not power > 0.0:
+        return None
+    gain = float(x @ y) / power
+    # neighbours share half of what they are of
+    std = float(np.sqrt(1.5 * ((y - gain * x) ** 2).sum() / (x.size - 2) / power))
+    return gain, std
+
+
 def slope(case: Case) -> list[Sign]:
     """Ground that slopes under an acceleration that has no gravity in it."""
-    if ACC not in case.aligned.columns or not has_pitch(case) or not without_gravity(case):
+    kinematic = case.machine.settings.forces.acceleration == "kinematic"
+    if kinematic or not case.measured(ACC) or not has_pitch(case) or not without_gravity(case):
         return []
     pitch, std = case.level(_PITCH)
     if not np.isfinite(pitch):

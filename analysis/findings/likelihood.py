@@ -5,7 +5,7 @@ before; that which raises the likelihood most is taken. Causes that would raise 
 are its class: this log does not tell them apart.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,10 +18,13 @@ from analysis.findings.rows import Explained, force_system, wheel_system
 from analysis.weighing.equation import Equation
 
 #: Gains (twice the log likelihood) that differ by less are not told apart.
-APART: Final = 9.0
+APART: Final = 6.0
 #: A cause is taken from this gain on, and so many of them.
-_TAKEN: Final = 20.0
+_TAKEN: Final = 11.0
 _MOST: Final = 4
+#: A delay from here on is tried whole, and taken when it leaves so much less.
+_LONG_S: Final = 0.03
+_MUCH: Final = 0.5
 #: Wheels of which whatever is left has so many times the variance of noise are not listened to.
 _MISSES: Final = 8.0
 #: A delay is looked for again where it was found, until it moves by less.
@@ -58,11 +61,16 @@ def picks(case: Case) -> Mapping[str, Pick]:
 
 def _picked(case: Case) -> dict[str, Pick]:
     fit, noise = case.fit, case.column_noise
-    if fit is None or noise is None or not np.isfinite(fit.theta).all():
+    if fit is None or noise is None or constants(case).motion is None:
         return {}
     motion = constants(case).motion or fit.motion
     taken: list[str] = []
     out: dict[str, Pick] = {}
+    late = _late(case, motion)
+    if late is not None:
+        motion, found = _settled(case, motion, taken, late)
+        out[late.name] = replace(found, gain=late.gain)
+        taken.append(late.name)
     for _ in range(_MOST):
         tried = _tried(case, motion, taken)
         if not tried:
@@ -86,6 +94,29 @@ def _picked(case: Case) -> dict[str, Pick]:
     return out
 
 
+def _late(case: Case, motion: Equation) -> Pick | None:
+    """A delay so long that no derivative makes up for it: the joint fit's, tried whole."""
+    fit = case.fit
+    if fit is None or abs(fit.lag_s) < _LONG_S:
+        return None
+    late = moved(motion, "force", fit.lag_s)
+    before, after = (_left(case, of)[0] for of in (motion, late))
+    if before.square_left * before.variance < (1.0 + _MUCH) * after.square_left * after.variance:
+        return None
+    # the wheels tell whether it is the accelerometer that is early or late
+    turned = moved(motion, "imu", -fit.lag_s)
+    without, with_it = (_left(case, of)[1] for of in (motion, turned))
+    by_imu = (
+        without is not None
+        and with_it is not None
+        and with_it.square_left * with_it.variance < without.square_left * without.variance
+    )
+    gain = before.square_left * before.variance / after.variance - after.square_left
+    if by_imu:
+        return Pick("delay:imu", -fit.lag_s, 1e-3, gain, ())
+    return Pick("delay:force", fit.lag_s, 1e-3, gain, ())
+
+
 def _settled(case: Case, motion: Equation, taken: list[str], pick: Pick) -> tuple[Equation, Pick]:
     """Move the channel back by what was found, until nothing is left of its delay."""
     channel, total, std = pick.name.partition(":")[2], 0.0, pick.std
@@ -104,18 +135,7 @@ def _settled(case: Case, motion: Equation, taken: list[str], pick: Pick) -> tupl
 
 def _tried(case: Case, motion: Equation, taken: list[str]) -> dict[str, Pick]:
     """Every cause beside those that were taken."""
-    fit, noise = case.fit, case.column_noise
-    assert fit is not None
-    assert noise is not None
-    mass_kg = case.mass_of_samples(motion)
-    both = [
-        force_system(motion, noise, mass_kg, max(fit.viscous, 0.0)),
-        wheel_system(motion, noise),
-    ]
-    force, wheels = (None if system is None else Explained.of(system, taken) for system in both)
-    # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
-    together = wheels is not None and wheels.variance < _MISSES
-    parts = [part for part in (force, wheels if together else None) if part is not None]
+    parts = _systems(case, motion, taken)
     names = list(dict.fromkeys(name for part in parts for name in part.information))
     out: dict[str, Pick] = {}
     for name in names:
@@ -127,3 +147,23 @@ def _tried(case: Case, motion: Equation, taken: list[str]) -> dict[str, Pick]:
         value = sum(part.product(name) for part in parts) / square
         out[name] = Pick(name, value, square**-0.5, value**2 * square, ())
     return out
+
+
+def _systems(case: Case, motion: Equation, taken: list[str]) -> list[Explained]:
+    """Both equations without what was taken; the wheels' where it can be listened to."""
+    force, wheels = _left(case, motion, taken)
+    # wheels that miss the accelerometer by more, as on hills without a pitch, tell nothing
+    together = wheels is not None and wheels.variance < _MISSES
+    return [force, wheels] if wheels is not None and together else [force]
+
+
+def _left(
+    case: Case, motion: Equation, taken: Sequence[str] = ()
+) -> tuple[Explained, Explained | None]:
+    """Force and wheels without what was taken."""
+    fit, noise = case.fit, case.column_noise
+    assert fit is not None
+    assert noise is not None
+    force = force_system(motion, noise, case.mass_of_samples(motion), max(fit.viscous, 0.0))
+    wheels = wheel_system(motion, noise)
+    return Explained.of(force, taken), None if wheels is None else Explained.of(wheels, taken)

@@ -18,8 +18,12 @@ from analysis.weighing.kinematics import kinematics
 
 #: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
 _OF_REPLAY: Final = 0.5
+#: Of the change itself: what is mended is not all that the cause did.
+_OF_SIZE: Final = 0.05
 _ROUNDS: Final = 3
 
+#: Stretches of a log that are fitted once more.
+_TRIED: Final = 48
 #: Fewer samples are not fitted.
 _FEWEST: Final = 200
 _SHORTEST: Final = 20
@@ -28,31 +32,43 @@ Mend = Callable[[Equation], Equation]
 
 
 def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
-    """Fit once more.
+    """Fit once more, and compare with the same fit of the motion as it is.
 
     Args:
         case: the log.
         mend: makes the motion as it would be.
         relative_u: standard uncertainty of what is mended, as a share of it.
     """
+    fit = case.fit
+    if fit is None:
+        return None
+    if "refitted" not in case.kept:
+        case.kept["refitted"] = _mass_kg(case, fit.motion)
+    before, after = case.kept["refitted"], _mass_kg(case, mend(fit.motion))
+    assert before is None or isinstance(before, float)
+    if before is None or after is None:
+        return None
+    kg = after - before
+    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
+    return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
+
+
+def _mass_kg(case: Case, motion: Equation) -> float | None:
     fit, noise = case.fit, case.column_noise
     if fit is None or noise is None:
         return None
     priors = case.machine.settings.priors
-    motion = _stretches(mend(fit.motion))
+    # of a long log a part says as much of what a cause does
+    motion = _stretches(motion.beginning(_TRIED))
     if motion.used.sum() < _FEWEST:
         return None
     wheels = kinematics(motion, noise, priors)
     states = None if fit.states is None else fit.states.among(motion)
-    if states is not None and states.count != fit.count:
+    if states is not None and states.count != case.kept.setdefault("states", states.count):
         return None
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    other = again(begun, noise, priors, rounds=_ROUNDS)
-    kg = other.mass_kg - fit.mass_kg
-    if not np.isfinite(kg):
-        return None
-    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
-    return Change(kg, float(np.hypot(relative_u * kg, _OF_REPLAY * of_noise)))
+    found = again(begun, noise, priors, rounds=_ROUNDS).mass_kg
+    return found if np.isfinite(found) else None
 
 
 def _stretches(motion: Equation) -> Equation:

@@ -15,7 +15,7 @@ from analysis.units import to_si
 from analysis.weighing.equation import Equation
 
 #: So many deviations a term of the fit must be from 0.
-_TERM: Final = 4.5
+_TERM: Final = 3.3
 #: No accelerometer's scale is trusted to less.
 _LEAST_GAIN: Final = 0.005
 #: An answer whose standard uncertainty is this share of it has too little to go by.
@@ -24,6 +24,8 @@ _POOR: Final = 0.05
 _OPEN: Final = 0.04
 #: Braking moves the mass by so many of the answer's standard uncertainties.
 _BRAKING: Final = 1.5
+#: Of the answer's uncertainty with braking: less motion says less.
+_OF_BRAKING: Final = 4.0
 
 
 def wheel_radius(case: Case) -> list[Sign]:
@@ -138,7 +140,7 @@ def coulomb(case: Case) -> list[Sign]:
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, force / (0.004 * motion.largest_force)),
+            min(float(np.sqrt(pick.gain)) / _TERM, force / (0.003 * motion.largest_force)),
             f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
@@ -182,7 +184,7 @@ def driveline(case: Case) -> list[Sign]:
         return []
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.002),
+            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.01),
             f"the measured share of the force changes by {pick.value:+.2%} ± {pick.std:.2%} a m/s²",
             channel=case.force_channel,
             change=lambda: mended(
@@ -190,7 +192,7 @@ def driveline(case: Case) -> list[Sign]:
                 lambda motion: replace(
                     motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
                 ),
-                min(2.0 * pick.std / abs(pick.value), 1.0),
+                1.0,
             ),
             alternatives=_others(pick),
         )
@@ -241,7 +243,7 @@ def braking(case: Case) -> list[Sign]:
             "of the brakes",
             setting="settings.gate.exclude_braking",
             value="true",
-            change=lambda: Change(left, 0.5 * weighing.fit.u_kg),
+            change=lambda: Change(left, _OF_BRAKING * weighing.fit.u_kg),
         )
     ]
 

@@ -13,8 +13,13 @@ from analysis.windows import windows_with
 
 #: A channel that repeats itself for so long, all in all, counts.
 _FROZEN_S: Final = 0.3
+#: Readings of a run at least, and the share that may repeat the one before elsewhere.
+_FEWEST_RUN: Final = 5
+_USUAL: Final = 0.02
 #: Share of the readings that pile up at an extreme.
 _CLIPPED: Final = 0.001
+#: What is left of starts that were cut is not what they were, to this share of the change.
+_CUT: Final = 0.5
 #: Share of moving readings that repeat the one before: noise is below the resolution.
 _REPEATS: Final = 0.1
 #: Share of the steps that are multiples of the least one; fewer steps tell nothing.
@@ -37,7 +42,10 @@ def frozen(case: Case) -> list[Sign]:
         return []
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
-        name: spans for name, spans in signals.frozen.items() if spans and not _coarse(case, name)
+        name: inside
+        for name in case.needed
+        if not _coarse(case, name)
+        and (inside := _inside(case, name, signals.frozen.get(name) or _runs(case, name)))
     }
     if not of_channel:
         return []
@@ -55,8 +63,36 @@ def frozen(case: Case) -> list[Sign]:
             "others change",
             channel=name,
             span_ns=case.since_start(*spans[0]),
-            change=lambda: mended(case, lambda motion: motion.without(holds)),
+            change=lambda: mended(case, lambda motion: motion.without(holds), _CUT),
         )
+    ]
+
+
+def _runs(case: Case, name: str) -> list[tuple[int, int]]:
+    """Where a channel that otherwise never repeats a reading does so for long."""
+    t, x = case.series[name]
+    edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
+    ends = np.append(edges[1:], x.size) - 1
+    long = ((t[ends] - t[edges]) > _FROZEN_S * 1e9) & (ends - edges >= _FEWEST_RUN)
+    if not long.any():
+        return []
+    usual = (ends - edges)[~long]
+    if usual.sum() > _USUAL * x.size:
+        return []
+    return [
+        (int(t[begin]), int(t[end])) for begin, end in zip(edges[long], ends[long], strict=True)
+    ]
+
+
+def _inside(case: Case, name: str, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The spans that do not repeat the extreme of a channel that clips."""
+    signals = case.evidence.signals
+    share, extreme = (0.0, np.nan) if signals is None else signals.clipped.get(name, (0.0, np.nan))
+    if not share:
+        return spans
+    t, x = case.series[name]
+    return [
+        span for span in spans if abs(abs(x[np.searchsorted(t, span[0])]) - abs(extreme)) > 1e-9
     ]
 
 
@@ -84,7 +120,7 @@ def saturated(case: Case) -> list[Sign]:
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
-            change=lambda: mended(case, cut),
+            change=lambda: mended(case, cut, _CUT),
         )
     ]
 
@@ -156,7 +192,7 @@ def spikes(case: Case) -> list[Sign]:
                 f"{ratio:.0f} deviations",
                 channel=name,
                 span_ns=case.since_start(int(t[places[0]]), int(t[places[-1]])),
-                change=lambda near=near: mended(case, lambda motion: motion.without(near)),
+                change=lambda near=near: mended(case, lambda motion: motion.without(near), _CUT),
             )
         )
     return _largest(found)

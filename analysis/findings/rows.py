@@ -52,7 +52,7 @@ class System:
 
 def force_system(
     motion: Equation, noise: NoiseOfColumns, mass_kg: Floats, friction: float
-) -> System | None:
+) -> System:
     """Rows of the force.
 
     Args:
@@ -62,8 +62,6 @@ def force_system(
         friction: viscous, what slip costs.
     """
     begin, size = _blocks(motion.group, _FORCE)
-    if begin.size < 2 * _FEWEST:
-        return None
     usual_kg = float(np.median(mass_kg[motion.used]))
     std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(_FORCE) @ g))
     a, v, f = motion.acceleration, motion.speed, motion.force
@@ -143,7 +141,8 @@ def _whitener(count: int, of_speed: float, of_acc: float) -> Floats:
     covariance = of_speed * np.eye(count) + of_acc * np.minimum(k[:, None], k[None, :])
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     line = white @ np.column_stack([np.ones(count), k])
-    return np.linalg.qr(line, mode="complete")[0][:, 2:].T @ white
+    across = np.linalg.qr(line, mode="complete")[0][:, 2:]
+    return np.asarray(across.T @ white, np.float64)
 
 
 def _blocks(group: Ints, samples: int) -> tuple[Ints, int]:

@@ -14,10 +14,16 @@ from analysis.weighing.equation import Equation
 
 #: A correlation beyond this has a sign.
 _SIGN: Final = 0.3
-#: Of a force that has lost its sign, this share of decelerating samples opposes the motion,
+#: Of a force that has lost its sign, this share of so many decelerating samples opposes the motion,
 _UNSIGNED: Final = 0.1
-#: and it never falls below this share of what it reaches.
-_BELOW_0: Final = 0.02
+_BRAKES: Final = 30
+#: and this share of its readings is below zero.
+_BELOW_0: Final = 0.002
+_BACKWARDS_M_S: Final = 0.05
+#: A sign is there or not, so that it stands before what has a size.
+_STANDS_FIRST: Final = 30.0
+#: Left and right that correlate below this oppose each other.
+_OPPOSE: Final = -0.5
 #: A turn must be so much above the gyroscope's noise to tell the sides apart, in rad/s.
 _TURNS_RAD_S: Final = 0.03
 #: Ratios of units that are taken for each other, and what they are.
@@ -35,6 +41,8 @@ _FORCE_UNITS: Final = {
     1.0 / 9.80665: "kgf as N",
     8.8507: "lbf·in as N·m",
 }
+#: An ungated mass is taken for one below this relative deviation.
+_SURE: Final = 0.05
 #: A ratio is a unit's within this share; a load and friction bend a mass more.
 _NEAR: Final = 0.06
 _NEAR_MASS: Final = 0.35
@@ -61,7 +69,6 @@ def _axis_flipped(case: Case) -> list[Sign]:
         return []
     setting, value = case.scaled(names, -1.0)
     strength = abs(of_force if of_force < -_SIGN else gain) / _SIGN
-    # a sign is there or not, so that it stands before what has a size
     return [
         Sign(
             10.0 * strength,
@@ -83,10 +90,10 @@ def _side_flipped(case: Case) -> list[Sign]:
     left, right = (values(case.aligned, name) for name in sides)
     used = case.evidence.is_phase("accelerating", "cruising", "braking")
     used &= np.isfinite(left) & np.isfinite(right)
-    if used.sum() < 200:
+    if used.sum() < 200 or not (used & case.evidence.is_phase("accelerating")).any():
         return []
     together = float(np.corrcoef(left[used], right[used])[0, 1])
-    if together > -_SIGN:
+    if together > _OPPOSE or any(_never_negative(case, name) for name in sides):
         return []
     along = case.evidence.straight.speed
     speeding = used & case.evidence.is_phase("accelerating")
@@ -96,7 +103,7 @@ def _side_flipped(case: Case) -> list[Sign]:
     setting, value = case.scaled((wrong,), -1.0)
     return [
         Sign(
-            10.0 * abs(together) / _SIGN,
+            _STANDS_FIRST * abs(together),
             f"left and right torque correlate by {together:+.2f} while it drives straight",
             channel=wrong,
             setting=setting,
@@ -106,32 +113,36 @@ def _side_flipped(case: Case) -> list[Sign]:
 
 
 def unsigned(case: Case) -> list[Sign]:
-    """A force that never opposes the motion, and is never below zero."""
+    """A force that is never below zero, though it drives back or something brakes it."""
+    name = case.force_channel
+    if name is None:
+        return []
     opposing = case.checks.get("raw_opposing_share", np.nan)
     if not np.isfinite(opposing):
         opposing = case.checks.get("opposing_share", np.nan)
-    name = case.force_channel
-    if name is None or not np.isfinite(opposing):
+    straight = case.evidence.straight
+    backwards = float((straight.speed[straight.known] < -_BACKWARDS_M_S).mean()) > 0.05
+    brakes = np.count_nonzero(straight.braking) >= _BRAKES and opposing <= _UNSIGNED
+    if not _never_negative(case, name) or not (backwards or brakes):
         return []
-    _, force = case.series[name]
-    low, high = (float(each) for each in np.quantile(force, [0.005, 0.99]))
-    # backwards a force with its sign is negative, whatever the brakes do
-    backwards = bool(
-        (case.evidence.straight.speed[case.evidence.straight.known] < -0.05).mean() > 0.05
-    )
-    braked = np.count_nonzero(case.evidence.straight.braking) > 100
-    if low < -_BELOW_0 * abs(high) or not (backwards or braked):
-        return []
-    if opposing > _UNSIGNED and not backwards:
-        return []
+    high = float(np.quantile(case.series[name][1], 0.99))
     return [
         Sign(
-            10.0 * (1.0 + _UNSIGNED - min(opposing, _UNSIGNED)) / _SIGN,
-            f"of the decelerating samples {opposing:.0%} oppose the motion, and its readings "
-            f"never fall below {low:.3g} of up to {high:.3g}: it has lost its sign",
+            _STANDS_FIRST,
+            f"of up to {high:.3g}, not one of its readings is below zero, though the machine "
+            + (
+                "drives back"
+                if backwards
+                else f"slows down in {np.count_nonzero(straight.braking)} samples"
+            ),
             channel=name,
         )
     ]
+
+
+def _never_negative(case: Case, name: str) -> bool:
+    """Whether a channel has lost its sign: noise about zero would be below it as well."""
+    return float((case.series[name][1] < 0.0).mean()) < _BELOW_0
 
 
 def swapped(case: Case) -> list[Sign]:
@@ -175,7 +186,8 @@ def swapped(case: Case) -> list[Sign]:
 
 def wrong_unit(case: Case) -> list[Sign]:
     """Ratios of speed, acceleration and force that are those of usual units."""
-    found = [*_of_speed(case), *_of_force(case)]
+    # a mass in the wrong unit may be the acceleration's
+    found = _of_speed(case) or _of_force(case)
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 
@@ -218,7 +230,8 @@ def _of_force(case: Case) -> list[Sign]:
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
     names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
-    if not np.isfinite(ratio) or ratio <= 0.0 or not names:
+    poor = fit is None and not case.checks.get("relative_std", np.inf) < _SURE
+    if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
         return []
     near = min(_FORCE_UNITS, key=lambda times: abs(np.log(ratio / times)))
     if abs(np.log(ratio / near)) > _NEAR_MASS or abs(np.log(ratio)) < 3.0 * abs(

@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.evidence import Bools
 from analysis.diagnosis.signals import Floats, Ints
 from analysis.filters import period_ns
 from analysis.findings.case import Case
@@ -12,6 +13,9 @@ from analysis.stamps import FIRST_DATE_NS
 
 #: Share of a topic's steps that are missing before it counts.
 _MISSING: Final = 0.002
+#: Holes of all topics that are longer are pauses between two logs, but for their edges.
+_PAUSE_NS: Final = 2_000_000_000
+_EDGE_NS: Final = 100_000_000
 #: Scatter of a topic's steps, as a share of its period, that interpolation does not mind.
 _UNEVEN: Final = 0.15
 #: A jump is at least so long, and so many deviations of the latency.
@@ -28,10 +32,13 @@ def gaps(case: Case) -> list[Sign]:
     """Steps of a topic longer than `gap_periods` of its own period."""
     found: list[Sign] = []
     settings = case.machine.settings.align
-    for name, (t, _) in _a_channel_a_topic(case).items():
+    topics = _a_channel_a_topic(case)
+    others = {name: [t for n, (t, _) in topics.items() if n != name] for name in topics}
+    for name, (t, _) in topics.items():
         period = float(period_ns(t))
         steps = np.diff(t)
         holes = np.flatnonzero(steps > settings.gap_periods * period)
+        holes = holes[~_paused(t[holes], t[holes + 1], others[name])]
         if not holes.size:
             continue
         missing = float(steps[holes].sum()) / float(t[-1] - t[0])
@@ -46,6 +53,15 @@ def gaps(case: Case) -> list[Sign]:
             )
         )
     return _largest(found)
+
+
+def _paused(begin: Ints, end: Ints, others: list[Ints]) -> Bools:
+    """Which holes are pauses of the recorder: seconds in which no topic has a sample."""
+    alone = np.zeros(begin.size, np.bool_)
+    for t in others:
+        inside = np.searchsorted(t, end - _EDGE_NS) - np.searchsorted(t, begin + _EDGE_NS)
+        alone |= inside > 0
+    return ~alone & (end - begin > _PAUSE_NS) & bool(others)
 
 
 def irregular(case: Case) -> list[Sign]:

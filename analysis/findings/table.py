@@ -31,7 +31,7 @@ CAUSES: Final = (
         "braking that the force sees, or driving in reverse",
         signs.unsigned,
         withholds=True,
-        explains=(*_OF_FIT, "offset", "wrong_unit", "sign_flipped", "quantised"),
+        explains=("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
     ),
     Cause(
         "wrong_unit",
@@ -75,7 +75,7 @@ CAUSES: Final = (
         "a channel resolves less than its noise",
         "motion",
         readings.quantised,
-        explains=("delay", "wheel_radius", "slip", *_OF_RESIDUALS),
+        explains=("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", *_OF_RESIDUALS),
     ),
     Cause(
         "clock_jump",
@@ -102,9 +102,16 @@ CAUSES: Final = (
     Cause(
         "imu_misaligned",
         "gravity is on the forward axis, or the forward axis is not where the machine drives",
-        f"{_STILL}; the pitch, or starts both ways, to tell it from a slope; nothing that a "
-        "drive holds tells a small tilt from a bias",
+        f"{_STILL}; the pitch, or a drive, to tell it from a slope; the z axis and 6° to tell it "
+        "from a bias",
         imu.tilted,
+        explains=("wheel_radius", "coulomb", "offset", "slip"),
+    ),
+    Cause(
+        "imu_bias",
+        "the accelerometer's zero is off",
+        f"{_STILL}, the pitch and the z axis; below 6° nothing tells it from a tilt",
+        imu.biased,
         explains=("wheel_radius", "coulomb", "offset", "slip"),
     ),
     Cause(
@@ -161,41 +168,45 @@ CAUSES: Final = (
         "braking that the force does not see counts as driving",
         "settings.gate.exclude_braking = false",
         model.braking,
-        explains=("driveline", "coulomb", *_OF_RESIDUALS),
+        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
     ),
     Cause(
         "external_force",
         "something pushes back: a pile",
         _START,
         model.external_force,
-        explains=("driveline", "coulomb", "load_changed_inside", *_OF_RESIDUALS),
+        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
     ),
     Cause(
         "load_changed_inside",
         "the load changes while the machine drives",
         "four manoeuvres",
         model.load_changed,
-        explains=_OF_RESIDUALS,
+        explains=("driveline", "too_little_excitation", "collinear"),
     ),
     Cause(
         "resonance",
         "the driveline or the frame swings",
         f"{_STILL}, and {_START}",
         residuals.resonance,
-        explains=("heteroscedastic", "coloured_residuals"),
+        explains=("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
     ),
     Cause(
         "heteroscedastic",
         "there is more noise while it drives",
         f"{_STILL}, and {_START}",
         residuals.heteroscedastic,
+        explains=(
+            *("external_force", "load_changed_inside", "spikes", "too_little_excitation"),
+            *("driveline", "coulomb"),
+        ),
     ),
     Cause(
         "coloured_residuals",
         "the noise is slow, so that samples say less than they are",
         _STILL,
         residuals.coloured,
-        explains=("external_force", "load_changed_inside", "too_little_excitation"),
+        explains=("heteroscedastic", "driveline", *_OF_FIT[: -len(_OF_RESIDUALS)]),
     ),
     Cause(
         "too_little_excitation",
@@ -203,6 +214,7 @@ CAUSES: Final = (
         "nothing more",
         model.too_little,
         withholds=True,
+        explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
     ),
     Cause(
         "collinear",

@@ -101,14 +101,14 @@ def _start(design: Sections, **keys: float) -> Sections:
 
 
 def _little(design: Sections, size: float) -> Sections:
-    throttle = max(0.3 / max(size, 0.3), 0.02)
+    throttle = max(0.05 / max(size, 0.3), 0.01)
     return joined(_start(design, throttle=throttle), {"starts": {"throttle_least": 1.0}})
 
 
 def _pile(design: Sections, size: float) -> Sections:
     force_N = design["campaign"]["throttle_force_N"]
     start_s = design["campaign"]["start_s"]
-    return _start(design, digging_N=min(0.25 + 0.05 * size, 0.8) * force_N, digging_s=start_s)
+    return _start(design, digging_N=(0.25 + 0.03 * size) * force_N, digging_s=start_s)
 
 
 def _fills(design: Sections, size: float) -> Sections:
@@ -204,6 +204,7 @@ def _rectified(frames: Frames, _: float, __: np.random.Generator) -> Frames:
 _BOTH_WAYS: Final = {"starts": {"directions": "alternating"}}
 _THROTTLES: Final = {"starts": {"throttle_least": 0.4}}
 _TURNS: Final = {"starts": {"turn_rad_s": 0.04, "scrub_N_s_rad": 0.0}}
+_BRAKES_SEEN: Final = {"campaign": {"brake_measured_share": 1.0}}
 _INCLUDED: Final = ("settings.gate.exclude_braking=false",)
 
 FAULTS: Final = (
@@ -342,10 +343,11 @@ FAULTS: Final = (
         ("braking_inside",),
         "seen to 90 %",
         _brakes,
+        needs=_BRAKES_SEEN,
         overrides=_INCLUDED,
         largest=10.0,
     ),
-    Fault("a pile", ("external_force",), "30 % of the throttle", _pile),
+    Fault("a pile", ("external_force",), "28 % of the throttle", _pile),
     Fault(
         "a bucket that fills",
         ("load_changed_inside",),
@@ -361,12 +363,16 @@ FAULTS: Final = (
     ),
     Fault("noise that grows with the force", ("heteroscedastic",), "5 %", topics=_noisier),
     Fault(
-        "a soft driveline",
+        "a frame that swings",
         ("resonance",),
-        "4 Hz",
+        "0.05 m/s² at 8 Hz",
         lambda _, size: {
-            "drivetrain": {"resonance_hz": 4.0, "resonance_damping": 0.2 / max(size, 0.1)}
+            "defects": {
+                "vibration_m_s2": 0.05 * size,
+                "vibration_hz": 8.0,
+                "vibration_bandwidth_hz": 1.0,
+            }
         },
     ),
-    Fault("weak starts", ("too_little_excitation",), "30 % of the throttle", _little),
+    Fault("weak starts", ("too_little_excitation",), "5 % of the throttle", _little),
 )
