@@ -78,10 +78,11 @@ def _inside(frame: pl.DataFrame, begin: int | None, end: int | None, t0_ns: int)
     else:
         return frame
     wanted = [pl.lit(value=True)]
+    # a row without times is of the whole run
     if begin is not None:
-        wanted.append(pl.col(last) >= begin + shift)
+        wanted.append((pl.col(last) >= begin + shift).fill_null(value=True))
     if end is not None:
-        wanted.append(pl.col(first) <= end + shift)
+        wanted.append((pl.col(first) <= end + shift).fill_null(value=True))
     return frame.filter(pl.all_horizontal(wanted))
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from analysis.comparison import changed_settings
 from analysis.explaining import Explanation, explain
@@ -18,9 +18,10 @@ from recordings.reader import OpenRecording, opened
 from recordings.table import drawn_columns
 from recordings.writer import SUFFIX
 from replay.machine_file import load_machine, time_axis
-from replay.mend import MachineText, Mended, mend
-from replay.pipeline import run
 from replay.readers import open_log
+
+if TYPE_CHECKING:
+    from replay.mend import Mended
 
 #: Frames of which a picture shows more than an explanation looks at.
 _PICTURED: Final = ("excitation", "gate")
@@ -53,7 +54,7 @@ class Asked:
 
 def explain_run(
     asked: Asked, on_stage: Callable[[str], None] = lambda _: None
-) -> tuple[Explanation, Mended | None]:
+) -> "tuple[Explanation, Mended | None]":
     """Explain a recording or a log, draw that, and mend its machine file, as far as asked for.
 
     Args:
@@ -76,6 +77,8 @@ def explain_run(
         plot_explanation(whole, explained, asked.picture, force=asked.force)
     if asked.mended_file is None or asked.machine_file is None:
         return explained, None
+    from replay.mend import MachineText, mend
+
     source = MachineText(asked.machine_file, asked.overrides)
     output = (asked.mended_file, asked.force)
     return explained, mend(asked.path, source, whole, output, on_stage)
@@ -112,6 +115,9 @@ def _run(asked: Asked, on_stage: Callable[[str], None]) -> Run:
         with opened(asked.path) as held:
             if "findings" in held.stages and not _differs(held, machine):
                 return _read(held, pictured=asked.picture is not None)
+    # a recording is explained without what replays a log
+    from replay.pipeline import run
+
     with open_log(asked.path, time=time_axis(machine)) as log:
         try:
             return run(log, machine, on_stage)

@@ -68,15 +68,16 @@ def determined(
     A = np.column_stack([acceleration, speed, direction, np.ones(speed.size)])
     A = A[rows & np.isfinite(A).all(1)]
     std = _noise(noise, settings)
-    if A.shape[0] < _FEWEST or std is None:
+    samples = A.shape[0]
+    if samples < _FEWEST or std is None:
         return None
-    # neighbours share the moving mean, so that samples say less than they are
-    every = max(settings.smooth.samples, 1)
-    found = identify(A, _NAMES, std, samples=max(A.shape[0] // every, 1))
+    # neighbours share the moving mean: what lies between says nothing more
+    A = A[:: max(min(settings.smooth.samples, samples // _FEWEST), 1)]
+    found = identify(A, _NAMES, std)
     named = [name for name, alone in zip(_NAMES, found.identifiable, strict=True) if alone]
     joined = [name for row in found.combinations for name, c in zip(_NAMES, row, strict=True) if c]
     return Determined(
-        samples=A.shape[0],
+        samples=samples,
         alone=tuple(named),
         combinations=tuple(found.texts()),
         lost=tuple(name for name in _NAMES if name not in (*named, *joined)),

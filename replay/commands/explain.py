@@ -1,7 +1,7 @@
 """`payscope explain`: why an estimate is bad, and what would mend it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from analysis.answer import Answer
     from analysis.explaining import Explanation
     from replay.explain import Mended
+
+
+#: Of a replay, for a bar: a recording is explained without the pipeline, which is slow to load.
+_STAGES: Final = 14
 
 
 def command(
@@ -51,7 +55,6 @@ def command(
     from replay.commands.printing import print_json
     from replay.commands.progress import Stages
     from replay.explain import Asked, explain_run
-    from replay.pipeline import STAGES
 
     picture, mended_file = _outputs(output or [], apply=apply)
     if overrides and machine is None:
@@ -59,7 +62,7 @@ def command(
     asked = Asked(
         recording, machine, tuple(overrides or ()), at_s, picture, mended_file, force=force
     )
-    with Stages(len(STAGES)) as stages:
+    with Stages(_STAGES) as stages:
         explained, mended = explain_run(asked, stages.begin)
     if as_json:
         told = {} if mended is None else {"mended": _mended_dict(mended)}

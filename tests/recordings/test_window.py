@@ -68,3 +68,9 @@ def test_fields_of_a_log_that_are_named_like_ours_are_not_taken_for_the_time(
     raw = pl.DataFrame({"log_time_ns": at, "header_stamp_ns": at, "t_ns": [0] * 5})
     path = write_recording(Run({"raw/table": raw}, about), tmp_path / "raw.rrd")
     assert read_window(path, 1.0, 3.0).frames["raw/table"].equals(raw[1:4])
+
+
+def test_a_finding_of_the_whole_log_is_one_of_every_stretch(drives, tmp_path: Path):
+    path = write_recording(drives(60.0), tmp_path / "shift.rrd")
+    assert read_window(path, 30.0, 40.0).frames["findings"]["cause"].to_list() == ["delay"]
+    assert read_window(path, 5.0, 8.0).frames["findings"].height == 2

@@ -57,7 +57,8 @@ def test_a_changed_setting_is_named_with_what_it_moves_and_nothing_else(
     assert found["settings"] == [{"name": "settings.gate.threshold_nat", "a": 0.7, "b": 1.0}]
     assert found["inputs"] == found["versions"] == found["only_a"] == found["only_b"] == []
     changed = {stage["name"]: stage for stage in found["stages"]}
-    assert not {"raw/table", "aligned", "excitation"} & set(changed)
+    upstream = {"raw/table", "aligned", "excitation", "noise", "digging"}
+    assert not upstream & set(changed)
     frames = [read_recording(path).frames for path in (a, b)]
     gates = [frame["gate"]["accepted_x"] for frame in frames]
     (accepted,) = (c for c in changed["gate"]["columns"] if c["name"] == "accepted_x")
@@ -125,6 +126,20 @@ def test_another_grid_is_compared_at_the_times_that_both_have(payscope: Payscope
     found = json.loads(payscope("compare", recorded("a.rrd"), slow, "--json").out)
     (aligned,) = (stage for stage in found["stages"] if stage["name"] == "aligned")
     assert aligned["rows_a"] > aligned["rows_b"] == aligned["common"]
+
+
+def test_a_recording_of_both_is_written_beside_what_is_printed(
+    payscope: Payscope, recorded, tmp_path: Path
+) -> None:
+    a, b = recorded("a.rrd"), recorded("b.rrd", "--set", THRESHOLD)
+    both = tmp_path / "ab.rrd"
+    said = payscope("compare", a, b, "-o", both)
+    assert said.status == 1
+    assert said.out == payscope("compare", a, b).out
+    assert read_recording(both).frames == {}
+    one_line(payscope("compare", a, b, "-o", both), "exists already")
+    one_line(payscope("compare", a, b, "-o", a, "--force"), "is the input itself")
+    one_line(payscope("compare", a, b, "-o", tmp_path / "ab.mcap"), ".rrd")
 
 
 class TestRefused:

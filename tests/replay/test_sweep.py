@@ -211,3 +211,37 @@ class TestWrongInput:
             "settings.align.rate_hz=50,100",
         )
         one_line(said, "s.csv.truth.json", "payscope simulate")
+
+
+def test_the_figure_shows_every_method_the_reference_and_what_cannot_weigh(
+    payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    figure = tmp_path / "sweep.svg"
+    said = payscope(
+        "sweep", log, "-m", machine_file, "--over", "settings.gate.threshold_nat=0.7,1.0,50",
+        "--reference", "120", "--figure", figure, "--json",
+    )  # fmt: skip
+    assert said.status == 0
+    assert len(json.loads(said.out)) == 3
+    drawn = figure.read_text()
+    for name in ("joint", "pooled", "reference", "cannot weigh", "threshold_nat", "samples used"):
+        assert f"<!-- {name}" in drawn
+    one_line(
+        payscope(
+            "sweep", log, "-m", machine_file, "--over", "settings.gate.threshold_nat=0.7",
+            "--figure", tmp_path / "sweep.bmp",
+        ),
+        ".bmp",
+    )  # fmt: skip
+
+
+def test_the_figure_of_words_and_several_keys_has_a_place_for_each(
+    payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    figure = tmp_path / "sweep.svg"
+    said = payscope(
+        "sweep", log, "-m", machine_file, "--over", "settings.forces.coulomb=true,false",
+        "--over", "settings.gate.window_samples=200,320", "--figure", figure,
+    )  # fmt: skip
+    assert said.status == 0
+    assert "<!-- true · 200" in figure.read_text()
