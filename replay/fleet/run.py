@@ -6,22 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from analysis.fleet.days import UNDATED
 from estimators.errors import PayscopeError
 from replay.fleet.engine import Engine, Lost, Work
-from replay.fleet.fleet_file import TaskLimits
 from replay.fleet.gathered import FleetResults
+from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
 from replay.fleet.layout import MARK, RECORDINGS, name_of
-from replay.fleet.setups import CALIBRATIONS, MachineSetup, setup_on
+from replay.fleet.setups import MachineSetup, setup_on
 from replay.fleet.sources import FleetLog
 from replay.fleet.store import S3, Store
 from replay.fleet.task import Outcome, ReplayTask, replay_one
 from replay.inputs import versions
-
-#: Recordings that a run could not replay, and why, by source.
-FAILED: Final = "failed.json"
 
 
 class FleetPlan(Protocol):
@@ -123,8 +120,14 @@ def fleet_run(
     for source in did.failed:
         log = next(each for each in logs if each.source == source)
         on_done(log, Outcome("failed", did.failed[source]))
-    results.make_current(plan.name, plan.limits, setups)
-    _remember_calibrations(results.store, setups)
+    machines = {
+        machine: CurrentMachine(
+            files=each[0].files, bases=tuple(sorted(setup.basis for setup in each))
+        )
+        for machine, each in setups.items()
+    }
+    results.make_current(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
+    _remember_calibrations(results, setups)
     left, there = _left(tasks, results)
     for task, outcome in there:
         did.count(task.log.source, outcome)
@@ -144,7 +147,7 @@ def fleet_run(
                     did.count(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
-        _remember_failed(results.store, did, {log.source for log in logs})
+        _remember_failed(results, did, {log.source for log in logs})
     FleetResults(results.store).gather()
     return did
 
@@ -200,31 +203,22 @@ def _left(
     return left, there
 
 
-def _remember_calibrations(store: Store, setups: Mapping[str, tuple[MachineSetup, ...]]) -> None:
+def _remember_calibrations(
+    results: FleetResults, setups: Mapping[str, tuple[MachineSetup, ...]]
+) -> None:
     """Keep what the calibrations in use say, for the report."""
     now = [each.calibration for machine in sorted(setups) for each in setups[machine]]
     used = [each for each in now if each is not None]
-    try:
-        before = json.loads(store.read(CALIBRATIONS))
-    except FileNotFoundError:
-        before = []
-    kept = {(each["machine"], each["id"]): each for each in before}
-    kept |= {(each.machine, each.id): each.model_dump(mode="json") for each in used}
+    before = results.calibrations
+    kept = {(each.machine, each.id): each for each in [*before, *used]}
     if list(kept.values()) != before:
-        store.write(CALIBRATIONS, json.dumps(list(kept.values()), indent=1).encode())
+        plain = [each.model_dump(mode="json") for each in kept.values()]
+        results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def _remember_failed(store: Store, did: FleetRun, asked: set[str]) -> None:
+def _remember_failed(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
     """Keep the list of what has failed, for the report; what is done is off it."""
-    before = failed_before(store)
+    before = results.failed
     now = {source: why for source, why in before.items() if source not in asked} | did.failed
     if now != before:
-        store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())
-
-
-def failed_before(store: Store) -> dict[str, str]:
-    """Recordings without a result, and why, by source."""
-    try:
-        return json.loads(store.read(FAILED))
-    except FileNotFoundError:
-        return {}
+        results.store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())
