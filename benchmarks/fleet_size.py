@@ -9,6 +9,7 @@ weigh. The commands are then timed as a user starts them; with --in, what is the
 
 import argparse
 import datetime as dt
+import hashlib
 import subprocess
 import sys
 import tempfile
@@ -22,7 +23,7 @@ import polars as pl
 from analysis.schema import QUALITY
 from benchmarks.fleet_logs import told
 from replay.fleet.gathered import FleetResults
-from replay.fleet.last_run import LastRun
+from replay.fleet.last_run import CurrentMachine, LastRun, NamedFiles
 from replay.fleet.layout import ResultName, write_result
 from replay.fleet.store import Store
 
@@ -44,13 +45,17 @@ def make(destination: Path, machines: int, days: int) -> None:
         for day in range(days):
             _result(store, f"unit-{number + 1:02}", day, number, draw)
     results = FleetResults(store)
-    results.make_current(LastRun(fleet="benchmark"))
+    machine = CurrentMachine(files=NamedFiles("cat262c.toml"), bases=("b",))
+    names = [f"unit-{number + 1:02}" for number in range(machines)]
+    results.make_current(LastRun(fleet="benchmark", machines=dict.fromkeys(names, machine)))
     results.gather()
 
 
 def _result(store: Store, machine: str, day: int, number: int, draw: np.random.Generator) -> None:
     at = _FIRST + dt.timedelta(days=day)
-    name = ResultName(machine, str(at.date()), f"{number:08x}{day:024x}")
+    name = ResultName(
+        machine, str(at.date()), hashlib.sha256(f"{number} {day}".encode()).hexdigest()[:32]
+    )
     # one machine in ten has a zero that creeps, one in ten a friction that grows
     zero_kg = 3600.0 + draw.normal(0.0, 10.0) + (0.4 * day if number % 10 == 3 else 0.0)
     wear = 1.0 + (day / 365.0 if number % 10 == 7 else 0.0)

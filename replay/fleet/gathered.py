@@ -44,8 +44,8 @@ class FleetResults:
     def names(self) -> Mapping[str, Sequence[ResultName]]:
         """Of every machine the results that are there, by day and key."""
         found: dict[str, list[ResultName]] = {}
-        for each in self.store.objects(MARK):
-            name = name_of(each.name)
+        for each in self.store.names(MARK):
+            name = name_of(each)
             if name is not None:
                 found.setdefault(name.machine, []).append(name)
         return {machine: sorted(found[machine]) for machine in sorted(found)}
@@ -54,8 +54,8 @@ class FleetResults:
     def _gathered(self) -> Mapping[str, str]:
         """Of every machine the folder of its gathered tables, which are up to date."""
         there: dict[str, list[str]] = {}
-        for each in self.store.objects(_GATHERED):
-            folder, _, name = each.name.rpartition("/")
+        for each in self.store.names(_GATHERED):
+            folder, _, name = each.rpartition("/")
             if name == f"{MARK}.parquet":  # written last
                 there.setdefault(folder.rpartition("/")[0], []).append(folder)
         found: dict[str, str] = {}

@@ -186,7 +186,7 @@ def _left(
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
     for source, stamp, *row in results.whole(MARK).select(columns).collect().iter_rows():
         by_log.setdefault((source, stamp), []).append(tuple(row))
-    names = map(name_of, (each.name for each in results.store.objects(RECORDINGS)))
+    names = map(name_of, results.store.names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
     left: list[ReplayTask] = []
     there: list[tuple[ReplayTask, Outcome]] = []
