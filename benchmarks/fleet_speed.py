@@ -21,11 +21,23 @@ from typing import Final
 from benchmarks.fleet_logs import recordings, told
 from benchmarks.page import markdown, put
 from replay.fleet.fleet_file import load_fleet
+from replay.fleet.last_run import TaskLimits
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.run import fleet_run
 from replay.fleet.sources import FleetLog, fleet_logs
-from replay.fleet.task import Outcome
+from replay.fleet.task import TaskOutcome
 
+#: A fleet to reckon with: recordings, nodes, and what a node has.
+_FLEET: Final = 100_000
+_NODES: Final = 100
+_CORES: Final = 16
+_NODE_GIB: Final = 64.0
+#: A recorded shift of eight hours: its bags, and the seconds of its replay (`make shift-speed`).
+_SHIFT_GB: Final = 4.6
+_SHIFT_S: Final = 182.0
+#: Objects of a result, and the seconds that one takes from object storage, 16 at once.
+_OBJECTS: Final = 6
+_FETCH_S: Final = 0.03 / 16
 #: Recordings of each worker before its rate counts.
 _WARM: Final = 2
 _LEAST: Final = 0.85
@@ -41,7 +53,7 @@ class Watched:
     replay: list[float] = field(default_factory=list)
     ours: list[float] = field(default_factory=list)
 
-    def done(self, _log: FleetLog, outcome: Outcome) -> None:
+    def done(self, _log: FleetLog, outcome: TaskOutcome) -> None:
         """Take the time."""
         self.at.append(time.perf_counter())
         self.replay.append(outcome.seconds)
@@ -74,6 +86,35 @@ def watched(folder: Path, workers: int, run: int) -> Watched:
     return found
 
 
+def scaled(ours_s: float, engine_s: float) -> list[list[str]]:
+    """A large fleet from these figures, step by step."""
+    task_gib = TaskLimits().memory_bytes(int(_SHIFT_GB * 1e9)) / 2**30
+    by_memory = int(_NODE_GIB / task_gib)
+    slots = _NODES * min(by_memory, _CORES)
+    task_s = _SHIFT_S + ours_s + engine_s
+    hours = _FLEET * task_s / slots / 3600.0
+    a_second = slots / task_s
+    read = _SHIFT_GB * 8.0 * a_second / _NODES
+    gather_h = _FLEET * _OBJECTS * _FETCH_S / 3600.0
+    return [
+        ["memory that a recording declares", f"{task_gib:.1f} GiB"],
+        [f"recordings at once on a node of {_CORES} cores, {_NODE_GIB:.0f} GiB", f"{by_memory}"],
+        [f"recordings at once on {_NODES} nodes", f"{slots}"],
+        [f"time for {_FLEET:,} recordings", f"{hours:.1f} h"],
+        [
+            f"the same, if all {_CORES} cores had the memory",
+            f"{hours * slots / _NODES / _CORES:.1f} h",
+        ],
+        ["what a node reads meanwhile", f"{read:.2f} Gbit/s"],
+        ["recordings a second, all nodes together", f"{a_second:.1f}"],
+        [
+            "what one command can hand out, by the engine's overhead",
+            f"{1.0 / engine_s:.0f} a second",
+        ],
+        [f"gathering {_FLEET * _OBJECTS:,} objects at the end, once", f"{gather_h:.1f} h"],
+    ]
+
+
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("--recordings", type=int, default=120)
@@ -98,8 +139,11 @@ def main() -> int:
     ]
     said = markdown(["what", "measured", "asked"], rows)
     told(said)
+    large = markdown(["step", "figure"], scaled(ours, engine))
+    told(large)
     if asked.write:
         put("fleet.md", "speed of a fleet", said)
+        put("fleet.md", "a large fleet", large)
     return 0 if efficiency >= _LEAST and engine <= _MOST_S else 1
 
 

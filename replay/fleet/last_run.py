@@ -20,7 +20,7 @@ class TaskLimits(BaseModel):
     seconds: float = Field(3600.0, gt=0, description="time in s; a task that takes longer is ended")
     memory_GiB: float = Field(0.75, gt=0, description="memory that a task declares, and")
     memory_per_byte: float = Field(
-        3.0, ge=0, description="bytes of it for each byte of the log; a task that needs more ends"
+        3.0, ge=0, description="bytes of it for each byte of the log; at twice as much it is ended"
     )
 
     def memory_bytes(self, size_bytes: int) -> int:

@@ -17,7 +17,7 @@ from replay.fleet.layout import MARK, RECORDINGS, name_of
 from replay.fleet.setups import MachineSetup, setup_on
 from replay.fleet.sources import FleetLog
 from replay.fleet.store import S3, Store
-from replay.fleet.task import Outcome, ReplayTask, replay_one
+from replay.fleet.task import ReplayTask, TaskOutcome, replay_one
 from replay.inputs import versions
 
 
@@ -40,7 +40,7 @@ class FleetPlan(Protocol):
 
 
 #: Told each log that is done, and what became of it.
-OnDone = Callable[[FleetLog, Outcome], None]
+OnDone = Callable[[FleetLog, TaskOutcome], None]
 
 
 @dataclass
@@ -65,7 +65,7 @@ class FleetRun:
     seconds: float = 0.0
     overhead_s: float = 0.0
 
-    def count(self, source: str, outcome: Outcome) -> None:
+    def count(self, source: str, outcome: TaskOutcome) -> None:
         """Count what became of a recording."""
         self.seconds += outcome.seconds
         self.overhead_s += outcome.overhead_s
@@ -119,7 +119,7 @@ def fleet_run(
     tasks, setups = _planned(logs, plan, place, did, recordings=recordings)
     for source in did.failed:
         log = next(each for each in logs if each.source == source)
-        on_done(log, Outcome("failed", did.failed[source]))
+        on_done(log, TaskOutcome("failed", did.failed[source]))
     machines = {
         machine: CurrentMachine(
             files=each[0].files, bases=tuple(sorted(setup.basis for setup in each))
@@ -142,7 +142,7 @@ def fleet_run(
                     replay_one, [Work(task, task.memory_bytes) for task in left]
                 ):
                     outcome = (
-                        Outcome("failed", result.reason) if isinstance(result, Lost) else result
+                        TaskOutcome("failed", result.reason) if isinstance(result, Lost) else result
                     )
                     did.count(task.log.source, outcome)
                     on_done(task.log, outcome)
@@ -174,7 +174,7 @@ def _planned(
 
 def _left(
     tasks: Sequence[ReplayTask], results: FleetResults
-) -> tuple[list[ReplayTask], list[tuple[ReplayTask, Outcome]]]:
+) -> tuple[list[ReplayTask], list[tuple[ReplayTask, TaskOutcome]]]:
     """Tasks to do, and those whose log has not changed since its result was made.
 
     By size and time of change of the log's files; where these have changed, the task itself
@@ -189,14 +189,16 @@ def _left(
     names = map(name_of, results.store.names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
     left: list[ReplayTask] = []
-    there: list[tuple[ReplayTask, Outcome]] = []
+    there: list[tuple[ReplayTask, TaskOutcome]] = []
     for task in tasks:
         for basis, day, key, status, reason in by_log.get((task.log.source, task.log.stamp), ()):
             # a calibration may have come since
             asked = setup_on(task.setups, None if day == UNDATED else dt.date.fromisoformat(day))
             refused = status == "refused"
             if asked.basis == basis and (refused or key in recorded or not task.recording):
-                there.append((task, Outcome("refused", reason) if refused else Outcome("there")))
+                there.append(
+                    (task, TaskOutcome("refused", reason) if refused else TaskOutcome("there"))
+                )
                 break
         else:
             left.append(task)
