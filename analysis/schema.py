@@ -475,6 +475,27 @@ FRAMES: Final[dict[str, Frame]] = {
             ),
         ),
         Frame(
+            "findings",
+            "a row a cause that this log shows, the likeliest first: what it does, what mends it",
+            (
+                Column("rank", pl.Int64, "1", "1 is the first"),
+                Column("cause", pl.String, "1", "its key in the table of causes"),
+                Column("severity", pl.String, "1", "what it leads to: withhold, widen, tell"),
+                Column("channel", pl.String, "1", "the channel it is in (null: none by itself)"),
+                Column("start_t_ns", pl.Int64, "ns", "from where on (null: the whole log)"),
+                Column("end_t_ns", pl.Int64, "ns", "up to where (null: the whole log)"),
+                _f("strength_1", "1", "its evidence over what chance gives; ranks by it"),
+                Column("evidence", pl.String, "1", "what was measured, in a sentence"),
+                _f("mass_change_kg", "kg", "what mending it would do to the mass (null: unknown)"),
+                _f("mass_change_u_kg", "kg", "standard uncertainty of that"),
+                Column(
+                    "setting", pl.String, "1", "keys of the machine file, by commas (null: none)"
+                ),
+                Column("value", pl.String, "1", "the value proposed for each, as TOML, by commas"),
+                Column("alternatives", pl.String, "1", "causes it cannot be told from, by commas"),
+            ),
+        ),
+        Frame(
             "calibration",
             "a row a method and load: the points and the fit of (19)",
             (

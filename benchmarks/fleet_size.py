@@ -2,7 +2,7 @@
 
     python -P benchmarks/fleet_size.py [--machines 50] [--days 200] [--in FOLDER]
 
-The results are written as tasks write them (six objects each), with drawn numbers: 100 to 110
+The results are written as tasks write them (seven objects each), with drawn numbers: 100 to 110
 cycles a recording, a recording a day and machine; some machines drift, some recordings cannot
 weigh. The commands are then timed as a user starts them; with --in, what is there is used again.
 """
@@ -111,6 +111,7 @@ def _result(store: Store, machine: str, day: int, number: int, draw: np.random.G
             {"segment_id": np.arange(4 * count), "mass_kg": draw.normal(4000.0, 300.0, 4 * count)}
         ),
         "cycles": cycles,
+        "findings": pl.DataFrame({"cause": ["drift"], "severity": ["tell"], "rank": [1]}),
         "gate_shares": pl.DataFrame(
             {"reason": ["accepted", "standstill", "braking"], "share_1": [0.3, 0.5, 0.2]}
         ),

@@ -36,7 +36,7 @@ _NODE_GIB: Final = 64.0
 _SHIFT_GB: Final = 4.6
 _SHIFT_S: Final = 182.0
 #: Objects of a result, and the seconds that one takes from object storage, 16 at once.
-_OBJECTS: Final = 6
+_OBJECTS: Final = 7
 _FETCH_S: Final = 0.03 / 16
 #: Recordings of each worker before its rate counts.
 _WARM: Final = 2

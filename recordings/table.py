@@ -392,6 +392,10 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",
+        "findings": (
+            "rank cause severity channel start_t_ns end_t_ns strength_1 evidence "
+            "mass_change_kg mass_change_u_kg setting value alternatives"
+        ),
         "calibration": (
             "method load_kg reference_kg runs estimate_kg estimate_std_kg "
             "alpha_1 beta_kg calibrated_kg error_kg error_left_out_kg"

@@ -12,6 +12,7 @@ from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
 from analysis.digging import digging, without_digging
+from analysis.findings import Case, findings
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
@@ -32,7 +33,7 @@ from replay.readers import Log
 #: What `on_stage` is told, in order.
 STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
-    *("noise", "gate", "segments", "weigh", "trace", "verdict", "planar", "cycles"),
+    *("noise", "gate", "segments", "weigh", "trace", "verdict", "findings", "planar", "cycles"),
 )
 
 
@@ -95,6 +96,8 @@ def run(
     opinion = Verdict.of(judged)
     contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
     totals = withhold(everything, opinion, contradicted)
+    on_stage("findings")  # named causes of a bad estimate, with what mending each would do
+    causes = findings(Case(evidence, aligned, noise, raw, digs, judged))
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane = planar(excitation, gated, opinion, settings, noise)
 
@@ -124,6 +127,7 @@ def run(
             "budget": budget_frame(weighing, machine),
             "masses": totals,
             "verdict": judged,
+            "findings": causes,
         },
         provenance=provenance(
             logs,

@@ -22,6 +22,7 @@ ORDER = (
     ("analysis",),
     ("analysis/simulation", "analysis/weighing"),
     ("analysis/diagnosis",),
+    ("analysis/findings",),
     ("analysis/calibration", "analysis/experiment_design"),
     ("analysis/cycles", "analysis/fleet", "analysis/reproduction"),
     ("recordings",),

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -47,18 +48,27 @@ class Signals:
             return 0.0
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
+    @cached_property
+    def frozen(self) -> dict[str, list[tuple[int, int]]]:
+        """By force or motion channel: where it repeats itself while another one changes, in ns."""
+        looked = {n: s for n, s in self.channels.items() if n in (*_FORCES, *_MOTION)}
+        return {name: _frozen(name, looked) for name in looked}
+
     @property
     def frozen_s(self) -> float:
         """For how long a force or motion channel repeats itself while another one changes."""
-        looked = {n: s for n, s in self.channels.items() if n in (*_FORCES, *_MOTION)}
-        return max((_frozen_s(name, looked) for name in looked), default=0.0)
+        spans = self.frozen.values()
+        return max((sum(end - begin for begin, end in each) / 1e9 for each in spans), default=0.0)
+
+    @cached_property
+    def clipped(self) -> dict[str, tuple[float, float]]:
+        """By force channel: the share of its readings that pile up at an extreme, and which."""
+        return {name: _clipped(x) for name, (_, x) in self.channels.items() if name in _FORCES}
 
     @property
     def clipped_share(self) -> float:
         """The largest share of a force channel's readings that pile up at its extreme."""
-        return max(
-            (_clipped(x) for name, (_, x) in self.channels.items() if name in _FORCES), default=0.0
-        )
+        return max((share for share, _ in self.clipped.values()), default=0.0)
 
     def force_on(self, unix_ns: Ints) -> Floats | None:
         """The unfiltered force, or the sum of both torques; None where it is derived."""
@@ -84,25 +94,25 @@ def _at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
     return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
 
 
-def _frozen_s(name: str, channels: Mapping[str, Series]) -> float:
+def _frozen(name: str, channels: Mapping[str, Series]) -> list[tuple[int, int]]:
     t, x = channels[name]
     edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
     ends = np.append(edges[1:], x.size) - 1
     long = (t[ends] - t[edges]) > _FROZEN_S * 1e9
     # a machine that stands has no speed, one that coasts no force
     long &= (x[edges] != 0.0) | (name == "specific_force_x_m_s2")
-    total = 0.0
     if not long.any():
-        return total
+        return []
     others = [
         (*series, _CHANGES * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
         if key != name
     ]
-    for begin, end in zip(t[edges[long]], t[ends[long]], strict=True):
-        if any(_changes(*other, begin, end) for other in others):
-            total += float(end - begin) / 1e9
-    return total
+    return [
+        (int(begin), int(end))
+        for begin, end in zip(t[edges[long]], t[ends[long]], strict=True)
+        if any(_changes(*other, begin, end) for other in others)
+    ]
 
 
 def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
@@ -114,13 +124,13 @@ def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bo
     return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
 
 
-def _clipped(x: Floats) -> float:
+def _clipped(x: Floats) -> tuple[float, float]:
     values, counts = np.unique(x, return_counts=True)
     if values.size < 10:
-        return 0.0
+        return 0.0, float("nan")
     piles = [
-        int(counts[end])
+        (int(counts[end]) / x.size, float(values[end]))
         for end, next_one in ((0, 1), (-1, -2))
         if counts[end] >= max(_LEAST_PILE, _PILE * counts[next_one]) and values[end] != 0.0
     ]
-    return max(piles, default=0) / x.size
+    return max(piles, default=(0.0, float("nan")))

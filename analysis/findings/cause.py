@@ -1,0 +1,65 @@
+"""What a cause is, and what is said of one that a log shows."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from analysis.findings.case import Case
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What mending a cause would do to the headline mass.
+
+    Attributes:
+        kg: mass afterwards less the mass now.
+        u_kg: standard uncertainty of that.
+    """
+
+    kg: float
+    u_kg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """What a log shows of a cause.
+
+    Attributes:
+        strength: evidence over the limit that chance stays below; a finding from 1 on.
+        evidence: what was measured, in a sentence.
+        channel: where it is.
+        span_ns: from where to where, since the first aligned sample; None: the whole log.
+        setting: dotted key of the machine file that mends it.
+        value: proposed for it, as TOML.
+        change: of the mass; None where it is not known.
+        alternatives: causes that this log cannot tell it from.
+    """
+
+    strength: float
+    evidence: str
+    channel: str | None = None
+    span_ns: tuple[int, int] | None = None
+    setting: str | None = None
+    value: str | None = None
+    change: Callable[[], Change | None] | None = None
+    alternatives: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """One row of the table of causes.
+
+    Attributes:
+        key: its name in the frame `findings`.
+        says: what it is, in a sentence.
+        needs: what a log must hold for it to be seen at all, in a sentence.
+        find: looks for it, channel by channel; nothing where the log does not hold that.
+        withholds: whether a mass under it is worth nothing.
+        explains: causes that are seen where it is, and stand behind it.
+    """
+
+    key: str
+    says: str
+    needs: str
+    find: Callable[[Case], list[Sign]]
+    withholds: bool = False
+    explains: tuple[str, ...] = ()

@@ -1,0 +1,241 @@
+"""The accelerometer: tilted, biased, turned, low-passed, without its gravity."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.evidence import Floats
+from analysis.findings.case import ACC, Case
+from analysis.findings.cause import Sign
+from analysis.findings.constants import DEVIATIONS, LEAST_M_S2, constants, gravity, has_pitch
+from analysis.findings.mending import mended
+from analysis.findings.motions import accelerated
+from analysis.phases import beside_speed_rate
+from analysis.schema import values
+from analysis.units import to_si
+from analysis.weighing.equation import Equation
+
+#: Of gravity on z a tilt must take so much to be told from a bias.
+_TELLS_M_S2: Final = 0.05
+#: A yaw of less is mounting, not misalignment.
+_LEAST_YAW_RAD: Final = 0.03
+#: Of the wheels' acceleration an accelerometer that sees less is low-passed,
+_ATTENUATED: Final = 0.6
+#: by so many deviations; over so long, and so many of them.
+_SURELY: Final = 2.0
+_SPAN_S: Final = 0.1
+_FEWEST_SPANS: Final = 50
+#: A ratio so sure may be that of a unit.
+_TELLS_UNIT: Final = 0.02
+#: one that sees less of gravity at standstill has none.
+_GRAVITY: Final = 0.5
+#: An angle whose gravity is to be missed.
+_LEAST_PITCH_RAD: Final = 0.002
+#: Ratios of usual units are `wrong_unit`'s.
+_UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
+
+_PITCH: Final = "pitch_rad"
+_Y: Final = "specific_force_y_m_s2"
+_Z: Final = "specific_force_z_m_s2"
+
+
+def without_gravity(case: Case) -> bool:
+    """Whether the accelerometer reads no gravity along z at standstill."""
+    z, _ = case.level(_Z)
+    return bool(abs(z) < _GRAVITY * case.machine.machine.gravity_m_s2)
+
+
+def tilted(case: Case) -> list[Sign]:
+    """Gravity on the forward axis at standstill, and motion across the axis that drives."""
+    upright = _zero(case, ("tilt", ""))
+    found = [*upright, *_yaw(case)]
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def biased(case: Case) -> list[Sign]:
+    """The same with all of gravity on z: what is on x is none of it."""
+    return _zero(case, ("bias",))
+
+
+def _zero(case: Case, kinds: tuple[str, ...]) -> list[Sign]:
+    seen = constants(case)
+    error, std = seen.error_m_s2
+    if not np.isfinite(error) or seen.tilt is False or without_gravity(case):
+        return []
+    kind = _kind(case, error)
+    if kind not in kinds:
+        return []
+    # ground that slopes leaves no constant force, a tilt does
+    others = () if kind else ("imu_bias",)
+    if not (seen.tilt or has_pitch(case)):
+        others = (*others, "slope")
+    names = case.measured(ACC)
+    degrees = np.degrees(np.arcsin(np.clip(error / case.machine.machine.gravity_m_s2, -1.0, 1.0)))
+    said = {"": "nose-up, or a bias", "tilt": "nose-up", "bias": "if it were a tilt"}[kind]
+    return [
+        Sign(
+            float(abs(error) / max(DEVIATIONS * std, LEAST_M_S2)),
+            f"standing, it reads {error:+.4f} ± {std:.4f} m/s² along x beyond gravity: "
+            f"{degrees:+.2f}° {said}",
+            channel=ACC,
+            setting=f"channels.{ACC}.offset" if names else None,
+            value=f"{case.machine.channels[ACC].offset - _raw(case, error):.5g}" if names else None,
+            change=lambda: mended(
+                case,
+                lambda motion: accelerated(motion, lambda x: x - error),
+                min(std / abs(error), 1.0),
+            ),
+            alternatives=others,
+        )
+    ]
+
+
+def _kind(case: Case, error: float) -> str:
+    """Whether the z axis tells a tilt from a bias: a tilt takes its share of gravity off it."""
+    z, _ = case.level(_Z)
+    pull = case.machine.machine.gravity_m_s2
+    if not np.isfinite(z) or not has_pitch(case) or abs(error) >= pull:
+        return ""
+    pitch = case.level(_PITCH)[0]
+    share = np.arcsin(error / pull)
+    upright, turned = pull * np.cos(pitch), pull * np.cos(pitch + share)
+    if upright - turned < _TELLS_M_S2:
+        return ""
+    return "tilt" if abs(z - turned) < abs(z - upright) else "bias"
+
+
+def _yaw(case: Case) -> list[Sign]:
+    if _Y not in case.evidence.excitation.columns or ACC not in case.evidence.excitation.columns:
+        return []
+    settings = case.machine.settings
+    rate = values(case.evidence.excitation, "speed_rate_x_m_s2")
+    ahead, left = (
+        beside_speed_rate(values(case.evidence.excitation, name), settings) for name in (ACC, _Y)
+    )
+    used = case.evidence.is_phase("accelerating", "braking", "cruising")
+    used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
+    if used.sum() < 200:
+        return []
+    step = round(settings.align.rate_hz / 5.0)
+    x, a, y = (each[used][::step] for each in (rate, ahead, left))
+    x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
+    power = float(x @ x)
+    along, across = float(x @ a) / power, float(x @ y) / power
+    std = float(np.sqrt(((y - across * x) ** 2).sum() / max(x.size - 2, 1) / power))
+    if along <= 0.0:
+        return []
+    angle = float(np.arctan2(across, along))
+    strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
+    return [
+        Sign(
+            strength,
+            f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° from the forward axis to the "
+            "direction that it reads while the wheels speed up",
+            channel=_Y,
+            setting="machine.imu.yaw_deg",
+            value=f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}",
+            change=lambda: mended(
+                case,
+                lambda motion: accelerated(motion, lambda x: x / np.cos(angle)),
+                min(2.0 * std / abs(angle), 1.0),
+            ),
+        )
+    ]
+
+
+def low_passed(case: Case) -> list[Sign]:
+    """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
+    found = _share_seen(case)
+    if found is None:
+        return []
+    gain, std = found
+    if gain + _SURELY * std < -_ATTENUATED / 2.0:
+        return []
+    if std < _TELLS_UNIT and any(abs(gain / unit - 1.0) < 0.06 for unit in _UNITS):
+        return []
+    return [
+        Sign(
+            (_ATTENUATED - gain) / (_SURELY * std),
+            f"it reads {gain:.2f} ± {std:.2f} of the acceleration of the wheels",
+            channel=ACC,
+            alternatives=("delay",) if gain > _ATTENUATED - 0.1 else (),
+        )
+    ]
+
+
+def _share_seen(case: Case) -> tuple[float, float] | None:
+    """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
+    if ACC not in case.aligned.columns or not case.measured(ACC):
+        return None
+    size = max(round(_SPAN_S * case.machine.settings.align.rate_hz), 1)
+    count = case.aligned.height // size
+    if count < _FEWEST_SPANS:
+        return None
+
+    def means(x: Floats) -> Floats:
+        return x[: count * size].reshape(count, size).mean(axis=1)
+
+    speed = means(values(case.aligned, "speed_x_m_s"))
+    reads = means(values(case.aligned, ACC) - gravity(case))
+    moves = means((~case.stands).astype(float)) > 0.0
+    x, y = np.diff(speed) / _SPAN_S, (reads[1:] + reads[:-1]) / 2.0
+    used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
+    if used.sum() < _FEWEST_SPANS:
+        return None
+    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    power = float(x @ x)
+    if not power > 0.0:
+        return None
+    gain = float(x @ y) / power
+    # neighbours share half of what they are of
+    std = float(np.sqrt(1.5 * ((y - gain * x) ** 2).sum() / (x.size - 2) / power))
+    return gain, std
+
+
+def slope(case: Case) -> list[Sign]:
+    """Ground that slopes under an acceleration that has no gravity in it."""
+    if ACC not in case.aligned.columns or not has_pitch(case) or not without_gravity(case):
+        return []
+    pitch, std = case.level(_PITCH)
+    if not np.isfinite(pitch):
+        return []
+    strength = abs(pitch) / max(DEVIATIONS * std, _LEAST_PITCH_RAD)
+    channel = case.machine.channels[ACC]
+    keys = ["settings.forces.acceleration"]
+    new = ['"kinematic"']
+    for name in ("topic", "field", "scale", "offset", "unit", "delay_s"):
+        of_channel = getattr(channel, name)
+        if of_channel is not None and of_channel not in (1.0, 0.0):
+            keys.append(f"channels.acc_x_m_s2.{name}")
+            new.append(f'"{of_channel}"' if isinstance(of_channel, str) else f"{of_channel:g}")
+    pull = gravity(case)
+
+    def with_gravity(motion: Equation) -> Equation:
+        return replace(
+            motion,
+            acceleration=motion.acceleration + pull,
+            specific_force=None if motion.specific_force is None else motion.specific_force + pull,
+            without_gravity=motion.specific_force,
+        )
+
+    z, _ = case.level(_Z)
+    return [
+        Sign(
+            strength,
+            f"standing at {np.degrees(pitch):+.2f} ± {np.degrees(std):.2f}°, it reads {z:.2f} m/s² "
+            "of gravity along z: gravity has been taken off",
+            channel=ACC,
+            setting=", ".join(keys),
+            value=", ".join(new),
+            change=lambda: mended(case, with_gravity, min(std / abs(pitch), 1.0)),
+        )
+    ]
+
+
+def _raw(case: Case, error: float) -> float:
+    """An acceleration in the channel's own unit."""
+    channel = case.machine.channels[ACC]
+    if channel.unit is None:
+        return error
+    return error / to_si(channel.unit, "m/s²")[0]

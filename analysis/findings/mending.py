@@ -1,0 +1,76 @@
+"""What mending a cause would do to the mass: the fit once more, of a motion that is mended.
+
+One refit costs a fraction of a replay. What a replay would do besides (other windows accepted,
+another mean) is in the uncertainty.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from analysis.findings.case import Case
+from analysis.findings.cause import Change
+from analysis.weighing.equation import Equation, begins
+from analysis.weighing.joint_fit import again
+from analysis.weighing.kinematics import kinematics
+
+#: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
+_OF_REPLAY: Final = 0.5
+#: Of the change itself: what is mended is not all that the cause did.
+_OF_SIZE: Final = 0.05
+_ROUNDS: Final = 3
+
+#: Fewer samples are not fitted.
+_FEWEST: Final = 200
+_SHORTEST: Final = 20
+
+Mend = Callable[[Equation], Equation]
+
+
+def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
+    """Fit once more, and compare with the same fit of the motion as it is.
+
+    Args:
+        case: the log.
+        mend: makes the motion as it would be.
+        relative_u: standard uncertainty of what is mended, as a share of it.
+    """
+    fit = case.fit
+    if fit is None:
+        return None
+    if "refitted" not in case.kept:
+        case.kept["refitted"] = _mass_kg(case, fit.motion)
+    before, after = case.kept["refitted"], _mass_kg(case, mend(fit.motion))
+    assert before is None or isinstance(before, float)
+    if before is None or after is None:
+        return None
+    kg = after - before
+    of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
+    return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
+
+
+def _mass_kg(case: Case, motion: Equation) -> float | None:
+    fit, noise = case.fit, case.column_noise
+    if fit is None or noise is None:
+        return None
+    priors = case.machine.settings.priors
+    motion = _stretches(motion)
+    if motion.used.sum() < _FEWEST:
+        return None
+    wheels = kinematics(motion, noise, priors)
+    states = None if fit.states is None else fit.states.among(motion)
+    if states is not None and states.count != fit.count:
+        return None
+    begun = replace(fit, motion=motion, kinematics=wheels, states=states)
+    found = again(begun, noise, priors, rounds=_ROUNDS).mass_kg
+    return found if np.isfinite(found) else None
+
+
+def _stretches(motion: Equation) -> Equation:
+    """Number the stretches anew: samples that were left out may have cut some in two."""
+    parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
+    size = np.bincount(parts[parts >= 0], minlength=1)
+    short = (parts >= 0) & (size[np.maximum(parts, 0)] < _SHORTEST)
+    return replace(motion, group=parts.astype(np.int64)).without(short)

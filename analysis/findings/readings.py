@@ -1,0 +1,221 @@
+"""Readings of one channel: frozen, clipped, coarse, with spikes."""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.signals import Floats, Ints
+from analysis.findings.case import Case
+from analysis.findings.cause import Sign
+from analysis.findings.mending import mended
+from analysis.weighing.equation import Equation
+from analysis.windows import windows_with
+
+#: A channel that repeats itself for so long, all in all, counts.
+_FROZEN_S: Final = 0.3
+#: Readings of a run at least, and the share that may repeat the one before elsewhere.
+_FEWEST_RUN: Final = 5
+_USUAL: Final = 0.02
+#: Share of the readings that pile up at an extreme.
+_CLIPPED: Final = 0.001
+#: What is left of starts that were cut is not what they were, to this share of the change.
+_CUT: Final = 0.5
+#: Share of moving readings that repeat the one before: noise is below the resolution.
+_REPEATS: Final = 0.1
+#: Share of the steps that are multiples of the least one; fewer steps tell nothing.
+_WHOLE: Final = 0.95
+_FEWEST: Final = 200
+#: A reading is a spike so many deviations of its neighbourhood from both neighbours,
+_SPIKE: Final = 8.0
+#: which agree within this share of that.
+_NEIGHBOURS: Final = 0.4
+#: Readings of a neighbourhood whose deviation is taken.
+_BLOCK: Final = 200
+#: Samples of the grid beside a spike that are not fitted.
+_BESIDE: Final = 15
+
+
+def frozen(case: Case) -> list[Sign]:
+    """A channel that repeats itself while another one changes."""
+    signals = case.evidence.signals
+    if signals is None:
+        return []
+    # a coarse channel repeats itself while the machine moves steadily
+    of_channel = {
+        name: inside
+        for name in case.needed
+        if not _coarse(case, name)
+        and (inside := _inside(case, name, signals.frozen.get(name) or _runs(case, name)))
+    }
+    if not of_channel:
+        return []
+    total_s = {name: sum(e - b for b, e in spans) / 1e9 for name, spans in of_channel.items()}
+    name = max(total_s, key=lambda each: total_s[each])
+    spans = of_channel[name]
+    holds = np.zeros(case.aligned.height, np.bool_)
+    t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
+    for begin, end in (span for spans in of_channel.values() for span in spans):
+        holds |= (t >= begin) & (t <= end)
+    return [
+        Sign(
+            total_s[name] / _FROZEN_S,
+            f"it repeats one reading {len(spans)} times, {total_s[name]:.1f} s in all, while "
+            "others change",
+            channel=name,
+            span_ns=case.since_start(*spans[0]),
+            change=lambda: mended(case, lambda motion: motion.without(holds), _CUT),
+        )
+    ]
+
+
+def _runs(case: Case, name: str) -> list[tuple[int, int]]:
+    """Where a channel that otherwise never repeats a reading does so for long."""
+    t, x = case.series[name]
+    edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
+    ends = np.append(edges[1:], x.size) - 1
+    long = ((t[ends] - t[edges]) > _FROZEN_S * 1e9) & (ends - edges >= _FEWEST_RUN)
+    if not long.any():
+        return []
+    usual = (ends - edges)[~long]
+    if usual.sum() > _USUAL * x.size:
+        return []
+    return [
+        (int(t[begin]), int(t[end])) for begin, end in zip(edges[long], ends[long], strict=True)
+    ]
+
+
+def _inside(case: Case, name: str, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The spans that do not repeat the extreme of a channel that clips."""
+    signals = case.evidence.signals
+    share, extreme = (0.0, np.nan) if signals is None else signals.clipped.get(name, (0.0, np.nan))
+    if not share:
+        return spans
+    t, x = case.series[name]
+    return [
+        span for span in spans if abs(abs(x[np.searchsorted(t, span[0])]) - abs(extreme)) > 1e-9
+    ]
+
+
+def saturated(case: Case) -> list[Sign]:
+    """Readings of a force that pile up at its extreme."""
+    signals = case.evidence.signals
+    if signals is None or not signals.clipped:
+        return []
+    name = max(signals.clipped, key=lambda each: signals.clipped[each][0])
+    share, extreme = signals.clipped[name]
+    if not share:
+        return []
+    at = case.force_per(name) * abs(extreme)
+    count = sum(1 for each, _ in signals.clipped.values() if each > 0.0)
+    limit_N = 0.98 * at * max(count, 1)
+
+    def cut(motion: Equation) -> Equation:
+        near = np.abs(motion.force) > limit_N
+        return motion.without(windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
+
+    return [
+        Sign(
+            share / _CLIPPED,
+            f"{share:.1%} of its readings are {extreme:.4g}, its extreme",
+            channel=name,
+            setting="settings.gate.saturation_force_N",
+            value=f"{limit_N:.1f}",
+            change=lambda: mended(case, cut, _CUT),
+        )
+    ]
+
+
+def quantised(case: Case) -> list[Sign]:
+    """Moving readings that repeat the one before: the noise is below the resolution."""
+    found: list[Sign] = []
+    for name in case.needed:
+        repeats, lsb = _steps(case, name)
+        if not lsb:
+            continue
+        found.append(
+            Sign(
+                repeats / _REPEATS,
+                f"{repeats:.0%} of its moving readings repeat the one before; it "
+                f"resolves {lsb:.3g}",
+                channel=name,
+            )
+        )
+    return _largest(found)
+
+
+def _steps(case: Case, name: str) -> tuple[float, float]:
+    """The share of moving readings that repeat the one before, and what all steps are multiples of.
+
+    0 where they are no multiples: then a channel holds its value, but resolves more.
+    """
+    key = f"steps {name}"
+    if key not in case.kept:
+        t, x = case.series[name]
+        steps = np.diff(x)[case.moves_at(t)[1:] & (x[1:] != 0.0)]
+        sizes = np.abs(steps[steps != 0.0])
+        case.kept[key] = 0.0, 0.0
+        if steps.size >= _FEWEST and sizes.size:
+            lsb = float(np.min(sizes))
+            whole = float(np.mean(np.abs(sizes / lsb - np.rint(sizes / lsb)) < 0.05))
+            repeats = float((steps == 0.0).mean())
+            case.kept[key] = repeats, lsb if whole > _WHOLE else 0.0
+    return case.kept[key]  # type: ignore[return-value]
+
+
+def _coarse(case: Case, name: str) -> bool:
+    """Whether what repeats is the resolution."""
+    repeats, lsb = _steps(case, name)
+    return bool(lsb) and repeats > _REPEATS
+
+
+def spikes(case: Case) -> list[Sign]:
+    """Single readings far from both neighbours, which agree."""
+    found: list[Sign] = []
+    for name in case.needed:
+        t, x = case.series[name]
+        if x.size < 3 * _BLOCK:
+            continue
+        middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
+        scale = _local_deviation(middle)
+        far = np.abs(middle) > _SPIKE * scale
+        far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
+        places = np.flatnonzero(far) + 1
+        if not places.size:
+            continue
+        size = float(np.median(np.abs(middle[places - 1])))
+        ratio = float(np.max(np.abs(middle[places - 1]) / scale[places - 1]))
+        near = _beside(case, t[places])
+        found.append(
+            Sign(
+                ratio / _SPIKE * np.sqrt(min(places.size, 25)) / 1.3,
+                f"{places.size} single readings are off by {size:.3g} (median), up to "
+                f"{ratio:.0f} deviations",
+                channel=name,
+                span_ns=case.since_start(int(t[places[0]]), int(t[places[-1]])),
+                change=lambda near=near: mended(case, lambda motion: motion.without(near), _CUT),
+            )
+        )
+    return _largest(found)
+
+
+def _local_deviation(x: Floats) -> Floats:
+    """(n,) by the median of the distances within its block, and not below the log's."""
+    size = x.size // _BLOCK * _BLOCK
+    blocks = 1.4826 * np.median(np.abs(x[:size]).reshape(-1, _BLOCK), axis=1)
+    # a start is sharper than what surrounds it
+    around = np.maximum(blocks, np.maximum(np.append(blocks[1:], 0.0), np.append(0.0, blocks[:-1])))
+    around = np.maximum(around, np.median(blocks))
+    out = np.repeat(around, _BLOCK)
+    return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
+
+
+def _beside(case: Case, unix_ns: Ints) -> "np.typing.NDArray[np.bool_]":
+    """Grid samples beside these stamps, (n,)."""
+    t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
+    at = np.zeros(t.size, np.bool_)
+    at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
+    return windows_with(at, _BESIDE) | windows_with(at[::-1], _BESIDE)[::-1]
+
+
+def _largest(found: list[Sign]) -> list[Sign]:
+    return [max(found, key=lambda sign: sign.strength)] if found else []

@@ -1,0 +1,246 @@
+"""The two equations that causes are tried on, as rows whose noise is white and of unit size.
+
+Force: f = m a + b v, by means of a few samples inside the stretches. Wheels: v = v₀ + ∫a + c t, by
+means inside each stretch, without its own line; the accelerometer's noise adds up over it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.evidence import Floats
+from analysis.diagnosis.signals import Ints
+from analysis.weighing.equation import Equation, NoiseOfColumns
+from estimators.fit_loss import group_rows
+
+#: Samples of a mean of the force's rows, and of the wheels'.
+_FORCE: Final = 5
+_WHEELS: Final = 10
+#: Stretches of fewer means say nothing of the wheels.
+_FEWEST: Final = 10
+#: Noise that adds up is told from means of so many samples.
+_LONG: Final = 100
+#: Residuals that are correlated over so many rows count for less.
+_LAGS: Final = 10
+#: A cause of whose column the others leave less is not told from what a model never has.
+_LEFT: Final = 0.012
+#: Samples of the parabola that gives a derivative.
+_RATE: Final = 9
+
+
+@dataclass(frozen=True)
+class System:
+    """Rows of an equation.
+
+    Attributes:
+        y: (n,) what is to be explained.
+        base: (n, p) what explains it without any fault.
+        columns: by cause, (n,) what one unit of it adds; causes without one are not seen here.
+        noise: (p, p) what noise of the base adds to its sums of products.
+        noise_with: by cause, (p,) what it adds to those with its column.
+    """
+
+    y: Floats
+    base: Floats
+    columns: dict[str, Floats]
+    noise: Floats
+    noise_with: dict[str, Floats]
+
+
+def force_system(
+    motion: Equation, noise: NoiseOfColumns, mass_kg: Floats, friction: float
+) -> System:
+    """Rows of the force.
+
+    Args:
+        motion: the samples.
+        noise: of the columns.
+        mass_kg: (n,) of the load of each sample, what differs of which is taken off.
+        friction: viscous, what slip costs.
+    """
+    begin, size = _blocks(motion.group, _FORCE)
+    usual_kg = float(np.median(mass_kg[motion.used]))
+    std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(_FORCE) @ g))
+    a, v, f = motion.acceleration, motion.speed, motion.force
+    rate = _rate(f, motion.rate_hz)
+    since = np.linspace(0.0, 1.0, f.size)
+    columns = {
+        "delay:force": -rate,
+        "delay:imu": rate,
+        "clock_drift": -rate * since,
+        "slip": -friction * np.abs(v) * f,
+        "driveline": a * f,
+        "const": np.ones(f.size),
+    }
+    if motion.both_ways:
+        columns["direction"] = motion.direction
+
+    def mean(x: Floats) -> Floats:
+        return _sums(x, begin, size) / size / std
+
+    own = noise.covariance(_FORCE) / std**2
+    force = float(_sums(f, begin, size).sum()) / size
+    along = float(_sums(np.sign(v) * f, begin, size).sum()) / size
+    return System(
+        mean(f - (mass_kg - usual_kg) * a),
+        np.column_stack([mean(a), mean(v)]),
+        {name: mean(column) for name, column in columns.items()},
+        begin.size * own[:2, :2],
+        {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
+    )
+
+
+def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
+    """Rows of the wheels against the accelerometer; None without one."""
+    reads = motion.specific_force if motion.without_gravity is None else motion.without_gravity
+    if reads is None:
+        return None
+    step_s = 1.0 / motion.rate_hz
+    of_speed = float(noise.covariance(_WHEELS)[1, 1])
+    of_acc = float(noise.covariance(_LONG)[0, 0]) * _LONG * step_s**2 * _WHEELS
+    y: list[Floats] = []
+    columns: dict[str, list[Floats]] = {}
+    for part in group_rows(motion.group):
+        count = part.size // _WHEELS
+        if count < _FEWEST:
+            continue
+        part = part[: count * _WHEELS]
+        a, v, f = reads[part], motion.speed[part], motion.force[part]
+        gained = (np.cumsum(a) - a / 2.0) * step_s
+        white = _whitener(count, of_speed, of_acc)
+
+        def rows(x: Floats, white: Floats = white, count: int = count) -> Floats:
+            return white @ x.reshape(count, _WHEELS).mean(axis=1)
+
+        y.append(rows(v - gained))
+        for name, column in {
+            "wheel_radius": gained,
+            "slip": np.abs(v) * f,
+            "delay:speed": -a,
+            "delay:imu": a,
+        }.items():
+            columns.setdefault(name, []).append(rows(column))
+    if not y:
+        return None
+    return System(
+        np.concatenate(y),
+        np.zeros((sum(each.size for each in y), 0)),
+        {name: np.concatenate(each) for name, each in columns.items()},
+        np.zeros((0, 0)),
+        {},
+    )
+
+
+@lru_cache(maxsize=256)
+def _whitener(count: int, of_speed: float, of_acc: float) -> Floats:
+    """(count - 2, count) that makes the noise of a stretch white and takes its line off."""
+    k = np.arange(count, dtype=np.float64)
+    covariance = of_speed * np.eye(count) + of_acc * np.minimum(k[:, None], k[None, :])
+    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    line = white @ np.column_stack([np.ones(count), k])
+    across = np.linalg.qr(line, mode="complete")[0][:, 2:]
+    return np.asarray(across.T @ white, np.float64)
+
+
+def _blocks(group: Ints, samples: int) -> tuple[Ints, int]:
+    """Where whole blocks of so many samples of one stretch begin."""
+    begins = [part[0] + np.arange(part.size // samples) * samples for part in group_rows(group)]
+    return np.concatenate([np.zeros(0, np.int64), *begins]).astype(np.int64), samples
+
+
+def _sums(x: Floats, begin: Ints, samples: int) -> Floats:
+    added = np.concatenate([[0.0], np.cumsum(x)])
+    return added[begin + samples] - added[begin]
+
+
+def _rate(force: Floats, rate_hz: float) -> Floats:
+    """The derivative of the force in N/s."""
+    half = _RATE // 2
+    steps = (
+        np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
+    )
+    return np.convolve(force, steps, "same")
+
+
+@dataclass(frozen=True)
+class Explained:
+    """One equation without what its base and the causes that were taken explain.
+
+    Attributes:
+        information: by cause, what is left about its parameter.
+        score: by cause, what is left along it.
+        square_left: the sum of squares that is left, over the variance of a row's noise.
+        variance: of that noise, for sums of many rows.
+    """
+
+    information: dict[str, float]
+    score: dict[str, float]
+    square_left: float
+    variance: float
+
+    @classmethod
+    def of(cls, system: System, taken: Sequence[str]) -> "Explained":
+        """Take off what the base and these causes explain, noise of their columns aside."""
+        own = [name for name in taken if name in system.columns]
+        others = [name for name in system.columns if name not in own]
+        known = np.column_stack([system.base, *(system.columns[name] for name in own)])
+        tried = np.column_stack(
+            [np.zeros((system.y.size, 0)), *(system.columns[n] for n in others)]
+        )
+        count = system.base.shape[1]
+        gram = known.T @ known
+        gram[:count, :count] -= system.noise
+        cross = known.T @ tried
+        for place, name in enumerate(others):
+            cross[:count, place] -= system.noise_with.get(name, np.zeros(count))
+        for place, name in enumerate(own, count):
+            both = system.noise_with.get(name, np.zeros(count))
+            gram[:count, place] -= both
+            gram[place, :count] -= both
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-10, hermitian=True)
+        inverse /= np.outer(size, size)
+        theta = inverse @ (known.T @ system.y)
+        left = system.y - known @ theta
+        # what noise of the columns adds to a score
+        score = tried.T @ left
+        for place, name in enumerate(others):
+            score[place] += system.noise_with.get(name, np.zeros(count)) @ theta[:count]
+        squares = (tried**2).sum(axis=0)
+        information = squares - np.einsum("ij,ij->j", cross, inverse @ cross)
+        kept = [k for k in range(len(others)) if information[k] > _LEFT * squares[k]]
+        # noise by what all causes together leave, whichever it is
+        noise = left
+        if kept:
+            q = np.linalg.qr(np.column_stack([known, tried[:, kept]]))[0]
+            noise = left - q @ (q.T @ left)
+        variance = _variance(noise)
+        return cls(
+            {others[k]: float(information[k]) / variance for k in kept},
+            {others[k]: float(score[k]) / variance for k in kept},
+            float(left @ left) / variance,
+            variance,
+        )
+
+    def square(self, name: str) -> float:
+        """The information that is left about a cause."""
+        return self.information.get(name, 0.0)
+
+    def product(self, name: str) -> float:
+        """What is left, along a cause."""
+        return self.score.get(name, 0.0)
+
+
+def _variance(noise: Floats) -> float:
+    """Of a row, times what correlation makes of a sum of them; not below that of the channels."""
+    own = float(noise @ noise) / max(noise.size, 1)
+    if not own > 0.0:
+        return 1.0
+    alike = [
+        float(noise[lag:] @ noise[:-lag]) / noise.size / own
+        for lag in range(1, min(_LAGS, noise.size // 4) + 1)
+    ]
+    return max(own * max(1.0 + 2.0 * float(np.sum(alike)), 0.5), 0.5)

@@ -1,0 +1,222 @@
+"""The one table of causes: what each is, and what a log must hold for it to be seen."""
+
+from typing import Final
+
+from analysis.findings import imu, model, readings, residuals, signs, stamps, timing
+from analysis.findings.cause import Cause
+
+#: What the fit and what it leaves show of a log whose readings or stamps are wrong.
+_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "resonance", "driveline")
+_OF_FIT: Final = (
+    *("delay", "wheel_radius", "slip", "coulomb", "too_little_excitation", "collinear"),
+    *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
+    *_OF_RESIDUALS,
+)
+_STILL: Final = "a standstill of three seconds"
+_START: Final = "an informative manoeuvre"
+_BOTH: Final = "an accelerometer beside the wheels' speed"
+
+CAUSES: Final = (
+    Cause(
+        "sign_flipped",
+        "a channel, or one side of it, has the wrong sign",
+        f"{_BOTH} to tell which; a drive in which force and acceleration change",
+        signs.flipped,
+        withholds=True,
+        explains=(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
+    ),
+    Cause(
+        "unsigned",
+        "the force has lost its sign, as motor currents do",
+        "braking that the force sees, or driving in reverse",
+        signs.unsigned,
+        withholds=True,
+        explains=("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
+    ),
+    Cause(
+        "wrong_unit",
+        "a channel is in another unit than its machine file says",
+        f"{_BOTH}, for the force the machine's empty mass",
+        signs.wrong_unit,
+        withholds=True,
+        explains=(*_OF_FIT, "imu_misaligned", "offset", "slope"),
+    ),
+    Cause(
+        "swapped_sides",
+        "left and right are taken for each other",
+        "turns, a gyroscope and the speed of both sides",
+        signs.swapped,
+    ),
+    Cause(
+        "frozen",
+        "a channel repeats one reading while the machine moves on",
+        "another channel that changes meanwhile",
+        readings.frozen,
+        withholds=True,
+        explains=(*_OF_FIT, "imu_misaligned", "spikes", "saturated"),
+    ),
+    Cause(
+        "saturated",
+        "readings end at what the sensor can show",
+        "starts that reach it",
+        readings.saturated,
+        withholds=True,
+        explains=(*_OF_FIT, "quantised"),
+    ),
+    Cause(
+        "spikes",
+        "single readings are far off",
+        "nothing more",
+        readings.spikes,
+        explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "quantised",
+        "a channel resolves less than its noise",
+        "motion",
+        readings.quantised,
+        explains=("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "clock_jump",
+        "header stamps of a topic jump against log time",
+        "header stamps beside log times",
+        stamps.clock_jump,
+        explains=("clock_drift", "delay", "irregular_sampling", "gaps", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "clock_drift",
+        "the clocks of two topics run apart",
+        "header stamps beside log times, of two topics",
+        stamps.clock_drift,
+        explains=("delay", *_OF_RESIDUALS),
+    ),
+    Cause("gaps", "samples of a topic are missing", "nothing more", stamps.gaps),
+    Cause(
+        "irregular_sampling",
+        "a topic is sampled, or stamped, unevenly",
+        "nothing more",
+        stamps.irregular,
+        explains=("gaps", "spikes", "frozen", "clock_jump", "clock_drift", *_OF_FIT),
+    ),
+    Cause(
+        "imu_misaligned",
+        "gravity is on the forward axis, or the forward axis is not where the machine drives",
+        f"{_STILL}; the pitch, or a drive, to tell it from a slope; the z axis and 6° to tell it "
+        "from a bias",
+        imu.tilted,
+        explains=("wheel_radius", "coulomb", "offset", "slip"),
+    ),
+    Cause(
+        "imu_bias",
+        "the accelerometer's zero is off",
+        f"{_STILL}, the pitch and the z axis; below 6° nothing tells it from a tilt",
+        imu.biased,
+        explains=("wheel_radius", "coulomb", "offset", "slip"),
+    ),
+    Cause(
+        "slope",
+        "the ground slopes, and the acceleration has no gravity in it",
+        f"the pitch, {_STILL}, and the accelerometer's z axis",
+        imu.slope,
+        explains=("imu_misaligned", "offset", *_OF_FIT),
+    ),
+    Cause(
+        "offset",
+        "the measured force is not zero where there is none",
+        _STILL,
+        model.offset,
+        explains=("coulomb",),
+    ),
+    Cause(
+        "delay",
+        "a channel's stamps are late or early against the others",
+        f"{_START} whose force changes; {_BOTH} to tell which",
+        timing.delays,
+        explains=("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "imu_low_passed",
+        "the accelerometer sees a part of the acceleration",
+        _BOTH,
+        imu.low_passed,
+        withholds=True,
+        explains=("wheel_radius", "slip", "delay"),
+    ),
+    Cause(
+        "wheel_radius",
+        "the wheels are larger or smaller than stated, or the accelerometer's scale is off",
+        _BOTH,
+        model.wheel_radius,
+    ),
+    Cause("slip", "the wheels turn faster than the ground", _BOTH, model.slip),
+    Cause(
+        "coulomb",
+        "friction that does not depend on the speed",
+        f"starts both ways, or {_STILL}",
+        model.coulomb,
+    ),
+    Cause(
+        "driveline",
+        "the measured force is not in proportion to what accelerates the machine",
+        "starts at different throttles",
+        model.driveline,
+        explains=("heteroscedastic",),
+    ),
+    Cause(
+        "braking_inside",
+        "braking that the force does not see counts as driving",
+        "settings.gate.exclude_braking = false",
+        model.braking,
+        explains=("driveline", "coulomb", "load_changed_inside", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "external_force",
+        "something pushes back: a pile",
+        _START,
+        model.external_force,
+        explains=("driveline", "coulomb", "load_changed_inside", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "load_changed_inside",
+        "the load changes while the machine drives",
+        "four manoeuvres",
+        model.load_changed,
+        explains=_OF_RESIDUALS,
+    ),
+    Cause(
+        "resonance",
+        "the driveline or the frame swings",
+        f"{_STILL}, and {_START}",
+        residuals.resonance,
+        explains=("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
+    ),
+    Cause(
+        "heteroscedastic",
+        "there is more noise while it drives",
+        f"{_STILL}, and {_START}",
+        residuals.heteroscedastic,
+        explains=("external_force", "load_changed_inside", "spikes", "too_little_excitation"),
+    ),
+    Cause(
+        "coloured_residuals",
+        "the noise is slow, so that samples say less than they are",
+        _STILL,
+        residuals.coloured,
+        explains=("heteroscedastic", *_OF_FIT[: -len(_OF_RESIDUALS)]),
+    ),
+    Cause(
+        "too_little_excitation",
+        "the motion holds too little to weigh by",
+        "nothing more",
+        model.too_little,
+        withholds=True,
+        explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", *_OF_RESIDUALS),
+    ),
+    Cause(
+        "collinear",
+        "the motion does not tell the mass from other terms",
+        _START,
+        model.collinear,
+    ),
+)

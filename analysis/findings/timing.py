@@ -1,0 +1,60 @@
+"""Delays: which of force, wheels and accelerometer being late explains both equations."""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.findings.case import ACC, Case
+from analysis.findings.cause import Sign
+from analysis.findings.likelihood import Pick, picks
+from analysis.findings.mending import mended
+from analysis.findings.motions import moved
+
+#: Likelihood gains are this times the square root's limit.
+_LIMIT: Final = 3.3
+#: No stamps are trusted to less.
+_LEAST_S: Final = 0.004
+_SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
+
+
+def delays(case: Case) -> list[Sign]:
+    """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
+    found = [pick for name, pick in picks(case).items() if name.startswith("delay")]
+    return [_sign(case, pick) for pick in found]
+
+
+def _sign(case: Case, pick: Pick) -> Sign:
+    channel = pick.name.partition(":")[2]
+    late_s, std_s = pick.value, pick.std
+    names = _channels(case, channel)
+    setting, value = case.shifted(names, late_s)
+    rivals = [each.partition(":")[2] for each in pick.rivals if each.startswith("delay")]
+    words = "late" if late_s > 0 else "early"
+    against = " and ".join(_SHOWN[each] for each in _SHOWN if each != channel)
+    said = f"{abs(1e3 * late_s):.1f} ± {1e3 * std_s:.1f} ms {words} against {against}"
+    if rivals:
+        said += f"; as likely the {' or '.join(_SHOWN[each] for each in rivals)} is off"
+    smooth = channel == "imu" and late_s > 0
+    others = [each for each in pick.rivals if not each.startswith("delay")]
+    return Sign(
+        min(float(np.sqrt(pick.gain)) / _LIMIT, abs(late_s) / _LEAST_S),
+        said,
+        channel=next(iter(names), None),
+        setting=setting if names else None,
+        value=value if names else None,
+        # a low-pass is not mended by a delay
+        change=None
+        if smooth
+        else lambda: mended(
+            case, lambda motion: moved(motion, channel, late_s), min(std_s / abs(late_s), 1.0)
+        ),
+        alternatives=(*others, *(("imu_low_passed",) if smooth else ())),
+    )
+
+
+def _channels(case: Case, name: str) -> tuple[str, ...]:
+    if name == "force":
+        return case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
+    if name == "speed":
+        return case.speed_channels
+    return case.measured(ACC)

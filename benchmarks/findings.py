@@ -1,0 +1,156 @@
+"""Whether findings name the cause: faults of a size, two at once, and logs without any.
+
+    python -P benchmarks/findings.py [--seeds 50] [--clean 500] [--first 900000] [--minutes 60]
+                                     [--json FILE] [--read FILE] [--write]
+
+Every trial is a line of `--json` as it comes; `--minutes` ends the campaign at the seed that it has
+reached. `--write` puts the tables into docs/findings.md, with the digest of the code they are of.
+"""
+
+import hashlib
+import json
+import time
+import traceback
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from analysis.simulation.faults import FAULTS
+from benchmarks.findings_rows import AXES, design, found, replayed
+from benchmarks.findings_tables import (
+    of_clean,
+    of_delays,
+    of_faults,
+    of_matrix,
+    of_needs,
+    of_totals,
+)
+from benchmarks.findings_trials import BY_NAME, DelayTrial, Trial, delays, pair, trials_of
+from benchmarks.page import put
+from estimators.errors import PayscopeError
+
+_REPO = Path(__file__).resolve().parent.parent
+#: What the tables depend on, of which a change makes them old.
+SOURCES = ("analysis/findings", "analysis/diagnosis", "analysis/simulation/faults.py")
+#: Pairs of faults a seed, and what each needs to be one of two.
+PAIRS = 4
+
+
+def code_digest() -> str:
+    """SHA-256 of the sources of findings, checks and faults, as git would see their text."""
+    digest = hashlib.sha256()
+    for name in SOURCES:
+        path = _REPO / name
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(file.relative_to(_REPO).as_posix().encode() + b"\0")
+            digest.update(file.read_bytes().replace(b"\r\n", b"\n") + b"\0")
+    return digest.hexdigest()
+
+
+def of_seed(seed: int) -> Iterator[dict[str, Any]]:
+    """All faults in one design, some pairs of them, and every delay of the force."""
+    sizes: dict[str, float] = {}
+    for fault in FAULTS:
+        for trial in trials_of(fault, seed):
+            if trial.severity == 10.0:
+                sizes[fault.name] = trial.size
+            yield {"kind": "fault", **asdict(trial)}
+    dice = np.random.default_rng([seed, 20_267])
+    names = [name for name in sizes if not BY_NAME[name].ground and not BY_NAME[name].last_runs]
+    for _ in range(PAIRS):
+        one, two = (str(each) for each in dice.choice(names, 2, replace=False))
+        trial = pair(BY_NAME[one], BY_NAME[two], (sizes[one], sizes[two]), seed)
+        if trial is not None:
+            yield {"kind": "pair", **asdict(trial)}
+    for each in delays(seed):
+        yield {"kind": "delay", **asdict(each)}
+
+
+def of_clean_seed(seed: int) -> dict[str, Any]:
+    """A log without a fault; every second one of a machine unlike the model."""
+    odd = seed % 2 == 1
+    named = found(replayed(design(seed, odd=odd), axes=AXES if seed // 2 % 2 else ()))
+    return {"kind": "clean", "seed": seed, "odd": odd, "names": [each[0] for each in named.causes]}
+
+
+def measured(seeds: int, clean: int, first: int, minutes: float) -> Iterator[dict[str, Any]]:
+    """Everything, seed by seed, so that whatever is done is done of all faults alike."""
+    began = time.monotonic()
+    for number in range(seeds):
+        if time.monotonic() - began > 60.0 * minutes:
+            return
+        share = range(number * clean // seeds, (number + 1) * clean // seeds)
+        try:
+            for each in share:
+                yield of_clean_seed(first + 50_000 + each)
+            yield from of_seed(first + number)
+        except (PayscopeError, ArithmeticError, LookupError, ValueError):
+            yield {"kind": "error", "seed": first + number, "said": traceback.format_exc()[-900:]}
+
+
+def shown(rows: list[dict[str, Any]], *, write: bool) -> None:
+    """Print the tables, and put them into the documentation."""
+
+    def of(kind: str) -> list[dict[str, Any]]:
+        return [
+            {k: v for k, v in row.items() if k != "kind"} for row in rows if row["kind"] == kind
+        ]
+
+    def trial(row: dict[str, Any]) -> Trial:
+        tuples = {k: tuple(row[k]) for k in ("faults", "places", "names")}
+        claimed = None if row["claimed"] is None else tuple(row["claimed"])
+        return Trial(**{**row, **tuples, "claimed": claimed})
+
+    trials, pairs = [trial(row) for row in of("fault")], [trial(row) for row in of("pair")]
+    clean = [(row["seed"], row["odd"], tuple(row["names"])) for row in of("clean")]
+    late = [DelayTrial(**row) for row in of("delay")]
+    counted = (
+        f"{len({t.seed for t in trials})} seeds a fault, {len(trials)} logs with one fault, "
+        f"{len(pairs)} with two, {len(clean)} with none, {len(late)} of delays; "
+        f"{len(of('error'))} seeds ended with an error.\n\nCode: `{code_digest()}`"
+    )
+    parts = {
+        "findings counted": counted,
+        "findings totals": of_totals(trials, pairs),
+        "findings clean": of_clean(clean),
+        "findings delays": of_delays(late),
+        "findings faults": of_faults(trials),
+        "findings matrix": of_matrix(trials),
+        "findings needs": of_needs(),
+    }
+    for name, text in parts.items():
+        print(text, end="\n\n")
+        if write:
+            put("findings.md", name, text)
+    for row in of("error"):
+        print(row["seed"], row["said"])
+
+
+def main(
+    seeds: int = 50,
+    clean: int = 500,
+    first: int = 900_000,
+    minutes: float = 600.0,
+    kept: Annotated[Path | None, typer.Option("--json")] = None,
+    read: Annotated[list[Path] | None, typer.Option("--read")] = None,
+    write: bool = False,
+) -> None:
+    if read:
+        lines = [line for path in read for line in path.read_text(encoding="utf-8").splitlines()]
+        shown([json.loads(line) for line in lines], write=write)
+        return
+    rows: list[dict[str, Any]] = []
+    for row in measured(seeds, clean, first, minutes):
+        rows.append(row)
+        if kept is not None:
+            with kept.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+    shown(rows, write=write)
+
+
+if __name__ == "__main__":
+    typer.run(main)
