@@ -80,7 +80,7 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         charts=machine_charts(days),
         calibrations=calibrations,
         changes=line_changes(calibrations),
-        looks=_with_commands(needs_a_look(rows, cycles), destination),
+        looks=_with_commands(needs_a_look(rows, cycles, results.scan("findings")), destination),
         failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )

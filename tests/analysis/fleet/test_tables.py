@@ -57,6 +57,35 @@ def cycles(*rows: dict[str, Any]) -> pl.LazyFrame:
     return pl.concat([pl.DataFrame(schema=schema), *frames]).lazy()
 
 
+def findings(*rows: dict[str, Any]) -> pl.LazyFrame:
+    schema = table_schema("findings")
+    frames = [table("findings", pl.DataFrame([row]), {**OF, **_of(row)}) for row in rows]
+    return pl.concat([pl.DataFrame(schema=schema), *frames]).lazy()
+
+
+def test_the_first_cause_of_a_recording_is_a_reason_unless_it_only_tells() -> None:
+    found = needs_a_look(
+        results({}, {}, {}),
+        cycles(),
+        findings(
+            {"key": "k0", "rank": 1, "cause": "delay", "severity": "widen", "mass_change_kg": 41.7},
+            {"key": "k0", "rank": 2, "cause": "slip", "severity": "withhold"},
+            {"key": "k1", "rank": 1, "cause": "drift", "severity": "tell"},
+            {
+                "key": "k2",
+                "rank": 1,
+                "cause": "frozen",
+                "severity": "withhold",
+                "start_t_ns": 9 * 10**9,
+            },
+        ),
+    )
+    assert found.select("key", "why", "at_s").rows() == [
+        ("k2", "likely frozen", 9.0),
+        ("k0", "likely delay, 42 kg of mass", 0.0),
+    ]
+
+
 def test_every_table_begins_with_the_result_that_a_row_is_of() -> None:
     for name in TABLES:
         assert table_schema(name).names()[:4] == ["key", "machine", "day", "t0_unix_ns"]
@@ -102,7 +131,9 @@ def test_what_is_most_wrong_comes_first_with_its_place() -> None:
         {"lost_cycles": 2.04, "longest_gap_at_s": 812.0},
         {"cycles_without_mass": 4},
     )
-    found = needs_a_look(rows, cycles({"key": "k5", "payload_kg": None, "start_t_ns": 5 * 10**9}))
+    found = needs_a_look(
+        rows, cycles({"key": "k5", "payload_kg": None, "start_t_ns": 5 * 10**9}), findings()
+    )
     assert found.select("key", "at_s").rows() == [
         *(("k2", 0.0), ("k3", 0.0), ("k4", 812.0), ("k5", 5.0), ("k1", 0.0)),
     ]
@@ -118,7 +149,7 @@ def test_what_is_most_wrong_comes_first_with_its_place() -> None:
 def test_a_payload_far_from_the_others_of_its_machine_has_its_cycle_as_place() -> None:
     usual = [{"payload_kg": 700.0 + n % 7, "start_t_ns": n, "cycle": n} for n in range(40)]
     odd = {"key": "k1", "payload_kg": 1400.0, "start_t_ns": 77 * 10**9, "cycle": 9}
-    found = needs_a_look(results({}, {}), cycles(*usual, odd))
+    found = needs_a_look(results({}, {}), cycles(*usual, odd), findings())
     assert found.rows(named=True)[0]["at_s"] == 77.0
     assert found["why"].to_list() == ["1 payloads far from the others, the farthest 1400 kg"]
 
