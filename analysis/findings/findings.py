@@ -1,5 +1,6 @@
 """The stage `findings`: which causes a log shows, the likeliest first."""
 
+from collections import Counter
 from typing import Final
 
 import numpy as np
@@ -24,8 +25,8 @@ def findings(case: Case) -> pl.DataFrame:
         `findings`: a row a cause that shows, those that another one explains behind it.
     """
     shown = [(cause, sign) for cause, sign in suspected(case) if sign.strength >= 1.0]
-    explained = {key for cause, _ in shown for key in cause.explains}
-    shown.sort(key=lambda each: (each[0].key in explained, -each[1].strength))
+    explained = Counter(key for cause, _ in shown for key in cause.explains)
+    shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
     rows = [_row(rank, cause, sign, case) for rank, (cause, sign) in enumerate(shown, 1)]
     columns = frame_schema("findings").columns
     return build(

@@ -22,6 +22,8 @@ _OF_REPLAY: Final = 0.5
 _OF_SIZE: Final = 0.05
 _ROUNDS: Final = 3
 
+#: Stretches of a log that are fitted once more.
+_TRIED: Final = 48
 #: Fewer samples are not fitted.
 _FEWEST: Final = 200
 _SHORTEST: Final = 20
@@ -56,12 +58,13 @@ def _mass_kg(case: Case, motion: Equation) -> float | None:
     if fit is None or noise is None:
         return None
     priors = case.machine.settings.priors
-    motion = _stretches(motion)
+    # of a long log a part says as much of what a cause does
+    motion = _stretches(motion.beginning(_TRIED))
     if motion.used.sum() < _FEWEST:
         return None
     wheels = kinematics(motion, noise, priors)
     states = None if fit.states is None else fit.states.among(motion)
-    if states is not None and states.count != fit.count:
+    if states is not None and states.count != case.kept.setdefault("states", states.count):
         return None
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
     found = again(begun, noise, priors, rounds=_ROUNDS).mass_kg

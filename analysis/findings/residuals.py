@@ -19,14 +19,16 @@ _LENGTH: Final = 128
 #: Fewer spectra tell nothing, more are not needed.
 _FEWEST: Final = 6
 _MOST: Final = 4000
+#: The share of spectra that is averaged.
+_KEPT: Final = 0.85
 #: Frequencies of a resonance, of slow noise, and of what it is compared with.
 _SWINGS_HZ: Final = (2.0, 20.0)
 _SLOW_HZ: Final = 1.2
 _FAST_HZ: Final = (3.0, 10.0)
 #: Ratios of power that chance and resampling stay below.
-_PEAK: Final = 3.0
-_UNEVEN: Final = 1.7
-_COLOURED: Final = 1.9
+_PEAK: Final = 4.0
+_UNEVEN: Final = 1.9
+_COLOURED: Final = 2.6
 
 
 class Spectra(NamedTuple):
@@ -49,10 +51,8 @@ def spectra(case: Case) -> Spectra | None:
 def _spectra(case: Case) -> Spectra | None:
     fit, aligned, machine = case.fit, case.aligned, case.machine
     rate_hz = machine.settings.align.rate_hz
-    # without an answer by what all that moves says
     straight = case.evidence.straight
-    mass_kg = straight.fit.value if fit is None else fit.mass_kg
-    viscous = 0.0 if fit is None else fit.viscous
+    mass_kg, viscous = _mass_and_friction(case)
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
     used = straight.moving if fit is None else fit.motion.used
     rows = np.arange(aligned.height, dtype=np.float64)
@@ -61,26 +61,38 @@ def _spectra(case: Case) -> Spectra | None:
     A = np.column_stack([regressor_acceleration(aligned, machine), values(aligned, "speed_x_m_s")])
     left = force - A @ np.array([mass_kg, viscous])
     known = np.isfinite(left)
-    driving = _powers(left, A, used & known)
-    standing = _powers(left, None, case.stands_still & known)
+    driving = _powers(left, used & known, 2)
+    standing = _powers(left, case.stands_still & known, 1)
     if min(len(driving), len(standing)) < _FEWEST:
         return None
     hz = np.arange(_LENGTH // 2 + 1) * rate_hz / _LENGTH
     counts = (len(driving), len(standing))
-    # a stretch that holds a stop or a knock is no noise
-    return Spectra(hz, np.median(driving, axis=0), np.median(standing, axis=0), counts)
+    return Spectra(hz, _usual(driving), _usual(standing), counts)
 
 
-def _powers(x: Floats, A: Floats | None, used: Bools) -> list[Floats]:
-    """Spectra of the stretches that are used, without their own line, mass and friction."""
+def _mass_and_friction(case: Case) -> tuple[float, float]:
+    """By the pooled estimate of moving means: shaking takes the mass of shorter ones away."""
+    totals = case.evidence.totals
+    if totals is not None:
+        pooled = totals.filter(totals["method"] == "pooled")
+        both = [values(pooled, name) for name in ("mass_kg", "friction_x_N_s_m")]
+        if pooled.height and np.isfinite(both).all():
+            return float(both[0][0]), float(both[1][0])
+    if case.fit is not None:
+        return case.fit.mass_kg, case.fit.viscous
+    return case.evidence.straight.fit.value, 0.0
+
+
+def _powers(x: Floats, used: Bools, degree: int) -> list[Floats]:
+    """Spectra of the stretches that are used, without their own polynomial."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], used, [False]]).astype(np.int8)))
     window = np.hanning(_LENGTH)
-    line = np.column_stack([np.ones(_LENGTH), np.linspace(-1.0, 1.0, _LENGTH)])
+    ramp = np.linspace(-1.0, 1.0, _LENGTH)
+    own = np.vander(ramp, degree + 1)
     out: list[Floats] = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         for first in range(int(begin), int(end) - _LENGTH + 1, _LENGTH // 2):
             part = slice(first, first + _LENGTH)
-            own = line if A is None else np.column_stack([line, A[part]])
             rest = x[part] - own @ np.linalg.lstsq(own, x[part], rcond=None)[0]
             out.append(np.abs(np.fft.rfft(rest * window)) ** 2)
             if len(out) >= _MOST:
@@ -88,26 +100,33 @@ def _powers(x: Floats, A: Floats | None, used: Bools) -> list[Floats]:
     return out
 
 
+def _usual(powers: list[Floats]) -> Floats:
+    """Their mean, without the largest: a stretch that holds a stop or a knock is no noise."""
+    kept = max(round(_KEPT * len(powers)), 1)
+    return np.sort(np.array(powers), axis=0)[:kept].mean(axis=0)
+
+
 def _level(hz: Floats, power: Floats, low: float, high: float) -> float:
     return float(np.median(power[(hz >= low) & (hz <= high)]))
 
 
 def resonance(case: Case) -> list[Sign]:
-    """A peak of the driving spectrum over what is an octave about it."""
+    """A peak of the driving spectrum over the standing one."""
     found = spectra(case)
     if found is None:
         return []
-    hz, power = found.hz, found.driving
-    ratio = np.zeros(hz.size)
-    for at in np.flatnonzero((hz >= _SWINGS_HZ[0]) & (hz <= _SWINGS_HZ[1])):
-        beside = (hz > hz[at] / 2.0) & (hz < hz[at] * 2.0) & (np.abs(np.arange(hz.size) - at) > 2)
-        ratio[at] = power[at] / max(float(np.median(power[beside])), 1e-12)
-    at = int(np.argmax(ratio))
+    hz = found.hz
+    band = (hz >= _SWINGS_HZ[0]) & (hz <= _SWINGS_HZ[1])
+    # standing noise is smooth in frequency, so its own scatter is taken out
+    smooth = np.convolve(found.standing, np.ones(5) / 5.0, "same")
+    ratio = found.driving / np.maximum(smooth, 1e-12)
+    usual = max(float(np.median(ratio[band])), 1.0)
+    at = int(np.argmax(np.where(band, ratio, 0.0)))
     return [
         Sign(
-            float(ratio[at]) / _PEAK,
-            f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(ratio[at]):.1f} times as much "
-            "as beside it",
+            float(ratio[at]) / usual / _PEAK,
+            f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(ratio[at] / usual):.1f} times "
+            "as much as its noise",
         )
     ]
 

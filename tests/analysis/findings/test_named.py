@@ -23,6 +23,7 @@ SIZES = {
     "Coulomb friction": 4.0,
     "force offset": 4.0,
     "braking included": 5.0,
+    "a bucket that fills": 10.0,
 }
 OTHERS = 3.0
 
