@@ -20,7 +20,7 @@ SCREENS = [(PHONE, "light"), (PHONE, "dark"), (DESK, "light"), (DESK, "dark")]
 def report(tmp_path_factory: pytest.TempPathFactory) -> FleetReport:
     """Of four machines, of which the fourth's zero creeps, and a stranger's texts."""
     folder = tmp_path_factory.mktemp("page")
-    make(folder / "results", 4, 90)
+    make(folder / "results", 4, 70)
     (folder / "results/failed.json").write_text(json.dumps({HOSTILE: "hangs"}))
     results = fleet_results(str(folder / "results"))
     return fleet_report(results, "dest", HOSTILE, folder / "fleet.html")
