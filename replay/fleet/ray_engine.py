@@ -81,12 +81,12 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
         # Ray's own would leave without the cleaning up of the command
         with suppress(ValueError):
             signal.signal(number, handler)
-    try:
-        # what has died is in the results; Ray would print it where data is printed
-        with redirect_stdout(_WithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
+    # what has died is in the results; Ray would print it where data is printed
+    with redirect_stdout(_WithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
+        try:
             yield RayEngine(ray)
-    finally:
-        ray.shutdown()
+        finally:
+            ray.shutdown()
 
 
 def _ask(address: str) -> None:

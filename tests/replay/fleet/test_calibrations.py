@@ -4,6 +4,7 @@ import datetime as dt
 import shutil
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from analysis.fleet.lines import FleetCalibration
@@ -35,8 +36,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "evidence/sledge").mkdir(parents=True)
     calibrate(campaign, folder / "evidence/sledge/first")
     (folder / "sledge").mkdir()
-    for name in ("load-0.csv", "load-1.csv"):
-        shutil.copy(folder / "campaign" / name, folder / "sledge")
+    shutil.copy(folder / "campaign/load-0.csv", folder / "sledge")
+    # the other one has a date
+    noon_s = dt.datetime(2026, 5, 20, 12, tzinfo=dt.UTC).timestamp()
+    dated = pl.read_csv(folder / "campaign/load-1.csv").with_columns(pl.col("time_s") + noon_s)
+    dated.write_csv(folder / "sledge/load-1.csv")
     shutil.copy(folder / "campaign/sledge.toml", folder)
     (folder / "fleet.toml").write_text(RULE)
     return folder
@@ -72,9 +76,12 @@ def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Pat
     assert isinstance(kept, FleetCalibration)
     assert (kept.machine, kept.method) == ("sledge", "joint_mass")
     assert page.changes == []
-    # of a table without dates no calibration holds
-    used = set(results.results["calibration"])
-    assert used <= {"", kept.id}
+    # of a log without a date no calibration holds
+    used = dict(results.results.select("day", "calibration").iter_rows())
+    assert used == {"undated": "", "2026-05-20": kept.id}
+    loads = results.scan("loads").filter(pl.col("day") == "2026-05-20").collect()
+    assert (loads["calibrated_kg"].is_not_null() | (loads["calibrated_reason"] != "")).all()
+    assert results.scan("loads").collect()["calibrated_kg"].count() > 0
 
 
 def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_what_if(
