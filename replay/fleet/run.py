@@ -117,9 +117,9 @@ def fleet_run(
     results = FleetResults(Store(place))
     did = FleetRun(destination)
     tasks, setups = _planned(logs, plan, place, did, recordings=recordings)
-    for source in did.failed:
-        log = next(each for each in logs if each.source == source)
-        on_done(log, TaskOutcome("failed", did.failed[source]))
+    for log in logs:
+        if log.source in did.failed:
+            on_done(log, TaskOutcome("failed", did.failed[log.source]))
     machines = {
         machine: CurrentMachine(
             files=each[0].files, bases=tuple(sorted(setup.basis for setup in each))
