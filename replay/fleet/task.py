@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
@@ -66,17 +66,19 @@ class TaskOutcome:
         reason: why it was refused or failed.
         seconds: that the replay took.
         overhead_s: that all around it took.
+        processor_s: of the processor, for both.
     """
 
     status: Status
     reason: str = ""
     seconds: float = 0.0
     overhead_s: float = 0.0
+    processor_s: float = 0.0
 
 
 def replay_one(task: ReplayTask) -> TaskOutcome:
     """Replay a recording within its limits, and write its result, unless it is there."""
-    began = time.perf_counter()
+    began, processor = time.perf_counter(), time.process_time()
     here = versions()
     other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
     if other:
@@ -93,7 +95,11 @@ def replay_one(task: ReplayTask) -> TaskOutcome:
     except PayscopeError as error:
         return TaskOutcome("failed", str(error))
     whole_s = time.perf_counter() - began
-    return TaskOutcome(made.status, made.reason, made.seconds, whole_s - made.seconds)
+    return replace(
+        made,
+        overhead_s=whole_s - made.seconds,
+        processor_s=time.process_time() - processor,
+    )
 
 
 def _result(task: ReplayTask, path: Path) -> TaskOutcome:
