@@ -38,6 +38,11 @@ _UNITS: Final = (1.0 / 9.80665, 1.0 / 3.6, 1.0 / 1000.0, 0.3048)
 _PITCH: Final = "pitch_rad"
 _Y: Final = "specific_force_y_m_s2"
 _Z: Final = "specific_force_z_m_s2"
+#: What a turned IMU must have read to be turned back.
+_ALL_AXES: Final = (
+    *(ACC, _Y, _Z),
+    *("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
+)
 
 
 def without_gravity(case: Case) -> bool:
@@ -127,14 +132,20 @@ def _yaw(case: Case) -> list[Sign]:
         return []
     angle = float(np.arctan2(across, along))
     strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
+    if len(case.measured(*_ALL_AXES)) == len(_ALL_AXES):
+        setting = "machine.imu.yaw_deg"
+        value = f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}"
+    else:
+        # what drives straight is seen by its share alone
+        setting, value = case.scaled(case.measured(ACC), 1.0 / float(np.cos(angle)))
     return [
         Sign(
             strength,
             f"{np.degrees(angle):+.1f} ± {np.degrees(std):.1f}° from the forward axis to the "
             "direction that it reads while the wheels speed up",
             channel=_Y,
-            setting="machine.imu.yaw_deg",
-            value=f"{case.machine.machine.imu.yaw_deg - np.degrees(angle):.2f}",
+            setting=setting,
+            value=value,
             change=lambda: mended(
                 case,
                 lambda motion: accelerated(motion, lambda x: x / np.cos(angle)),
@@ -195,7 +206,8 @@ def _share_seen(case: Case) -> tuple[float, float] | None:
 
 def slope(case: Case) -> list[Sign]:
     """Ground that slopes under an acceleration that has no gravity in it."""
-    if ACC not in case.aligned.columns or not has_pitch(case) or not without_gravity(case):
+    kinematic = case.machine.settings.forces.acceleration == "kinematic"
+    if kinematic or not case.measured(ACC) or not has_pitch(case) or not without_gravity(case):
         return []
     pitch, std = case.level(_PITCH)
     if not np.isfinite(pitch):

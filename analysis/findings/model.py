@@ -125,7 +125,7 @@ def _constant_alone(case: Case) -> list[Sign]:
 def coulomb(case: Case) -> list[Sign]:
     """A force against the motion that does not depend on it."""
     fit, found = case.fit, picks(case)
-    if fit is None:
+    if fit is None or case.machine.settings.forces.coulomb:  # then it is not missing
         return []
     motion = fit.motion
     name = "direction" if motion.both_ways else "const"
@@ -184,7 +184,7 @@ def driveline(case: Case) -> list[Sign]:
         return []
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.002),
+            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.01),
             f"the measured share of the force changes by {pick.value:+.2%} ± {pick.std:.2%} a m/s²",
             channel=case.force_channel,
             change=lambda: mended(
@@ -262,7 +262,6 @@ def external_force(case: Case) -> list[Sign]:
             f"{std[worst]:.0f} N; they are left out",
             channel=case.force_channel,
             span_ns=(begin, end),
-            change=lambda: _none(case),
         )
     ]
 
@@ -281,6 +280,5 @@ def load_changed(case: Case) -> list[Sign]:
             f"in {len(weighing.growing)} manoeuvres the load changes, by up to {worst.kg:+.0f} ± "
             f"{worst.std_kg:.0f} kg; they are left out",
             span_ns=(begin, begin),
-            change=lambda: _none(case),
         )
     ]

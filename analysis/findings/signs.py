@@ -186,7 +186,8 @@ def swapped(case: Case) -> list[Sign]:
 
 def wrong_unit(case: Case) -> list[Sign]:
     """Ratios of speed, acceleration and force that are those of usual units."""
-    found = [*_of_speed(case), *_of_force(case)]
+    # a mass in the wrong unit may be the acceleration's
+    found = _of_speed(case) or _of_force(case)
     return [max(found, key=lambda sign: sign.strength)] if found else []
 
 

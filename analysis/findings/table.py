@@ -168,21 +168,21 @@ CAUSES: Final = (
         "braking that the force does not see counts as driving",
         "settings.gate.exclude_braking = false",
         model.braking,
-        explains=("driveline", "coulomb", "load_changed_inside", *_OF_RESIDUALS),
+        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
     ),
     Cause(
         "external_force",
         "something pushes back: a pile",
         _START,
         model.external_force,
-        explains=("driveline", "coulomb", "load_changed_inside", *_OF_RESIDUALS),
+        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
     ),
     Cause(
         "load_changed_inside",
         "the load changes while the machine drives",
         "four manoeuvres",
         model.load_changed,
-        explains=_OF_RESIDUALS,
+        explains=("driveline", "too_little_excitation", "collinear"),
     ),
     Cause(
         "resonance",
@@ -196,14 +196,17 @@ CAUSES: Final = (
         "there is more noise while it drives",
         f"{_STILL}, and {_START}",
         residuals.heteroscedastic,
-        explains=("external_force", "load_changed_inside", "spikes", "too_little_excitation"),
+        explains=(
+            *("external_force", "load_changed_inside", "spikes", "too_little_excitation"),
+            *("driveline", "coulomb"),
+        ),
     ),
     Cause(
         "coloured_residuals",
         "the noise is slow, so that samples say less than they are",
         _STILL,
         residuals.coloured,
-        explains=("heteroscedastic", *_OF_FIT[: -len(_OF_RESIDUALS)]),
+        explains=("heteroscedastic", "driveline", *_OF_FIT[: -len(_OF_RESIDUALS)]),
     ),
     Cause(
         "too_little_excitation",
@@ -211,7 +214,7 @@ CAUSES: Final = (
         "nothing more",
         model.too_little,
         withholds=True,
-        explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", *_OF_RESIDUALS),
+        explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
     ),
     Cause(
         "collinear",

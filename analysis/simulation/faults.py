@@ -101,14 +101,14 @@ def _start(design: Sections, **keys: float) -> Sections:
 
 
 def _little(design: Sections, size: float) -> Sections:
-    throttle = max(0.15 / max(size, 0.3), 0.01)
+    throttle = max(0.05 / max(size, 0.3), 0.01)
     return joined(_start(design, throttle=throttle), {"starts": {"throttle_least": 1.0}})
 
 
 def _pile(design: Sections, size: float) -> Sections:
     force_N = design["campaign"]["throttle_force_N"]
     start_s = design["campaign"]["start_s"]
-    return _start(design, digging_N=min(0.25 + 0.05 * size, 0.8) * force_N, digging_s=start_s)
+    return _start(design, digging_N=(0.25 + 0.03 * size) * force_N, digging_s=start_s)
 
 
 def _fills(design: Sections, size: float) -> Sections:
@@ -347,7 +347,7 @@ FAULTS: Final = (
         overrides=_INCLUDED,
         largest=10.0,
     ),
-    Fault("a pile", ("external_force",), "30 % of the throttle", _pile),
+    Fault("a pile", ("external_force",), "28 % of the throttle", _pile),
     Fault(
         "a bucket that fills",
         ("load_changed_inside",),
@@ -374,5 +374,5 @@ FAULTS: Final = (
             }
         },
     ),
-    Fault("weak starts", ("too_little_excitation",), "15 % of the throttle", _little),
+    Fault("weak starts", ("too_little_excitation",), "5 % of the throttle", _little),
 )

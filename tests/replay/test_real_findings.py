@@ -1,0 +1,65 @@
+"""Findings of logs made by others, as they are and with a fault put into their machine file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from replay import load_machine, open_log, run
+from replay.machine_file import time_axis
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(scope="session")
+def data(shared_data: Path) -> Path:
+    return shared_data
+
+
+def findings(log: Path, machine_file: str, overrides: Sequence[str] = ()) -> pl.DataFrame:
+    machine = load_machine(EXAMPLES / machine_file, overrides)
+    with open_log(log, time=time_axis(machine)) as opened:
+        return run(opened, machine).frames["findings"]
+
+
+class TestLinearAxis:
+    """A published reference says 20.4 N of Coulomb friction, which a linear fit does not have."""
+
+    def found(self, data: Path, *overrides: str) -> pl.DataFrame:
+        return findings(data / "logs/linear_axis.csv", "linear_axis.toml", overrides)
+
+    def test_with_the_friction_in_its_machine_file_nothing_is_found(self, data: Path) -> None:
+        assert self.found(data).is_empty()
+
+    def test_without_it_the_friction_is_the_only_finding(self, data: Path) -> None:
+        found = self.found(data, "settings.forces.coulomb=false")
+        assert found["cause"].to_list() == ["coulomb"]
+        newtons = float(found["evidence"][0].split(" ")[0])
+        assert newtons == pytest.approx(20.4, abs=2.0)
+
+    @pytest.mark.parametrize(
+        ("override", "cause"),
+        [
+            ("channels.force_x_N.scale=-1", "sign_flipped"),
+            ("channels.force_x_N.delay_s=-0.02", "delay"),
+        ],
+    )
+    def test_a_fault_in_its_machine_file_is_named(
+        self, data: Path, override: str, cause: str
+    ) -> None:
+        assert cause in self.found(data, override)["cause"].to_list()[:2]
+
+
+class TestHusky:
+    """Motor currents without a sign, and an IMU that shows little of the motion."""
+
+    @pytest.mark.parametrize("machine_file", ["husky_imu.toml", "husky_wheels.toml"])
+    def test_the_unsigned_current_is_named_first(self, data: Path, machine_file: str) -> None:
+        found = findings(data / "logs/husky_asphalt.bag", machine_file)
+        assert found["cause"][0] == "unsigned"
+        assert found["severity"][0] == "withhold"
+
+    def test_the_attenuation_of_the_imu_is_named(self, data: Path) -> None:
+        found = findings(data / "logs/husky_asphalt.bag", "husky_imu.toml")
+        assert "imu_low_passed" in found["cause"].to_list()
