@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
+.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -110,6 +110,21 @@ writing: $(TEST_STAMP) ## simulated logs written by columns and message by messa
 
 shift-speed: $(BENCH_STAMP) ## a review against the script that a user would write, and where its time goes (ten minutes)
 	$(BIN)/python -P benchmarks/review.py --write
+
+fleet: $(TEST_STAMP) ## 300 recordings on three nodes here, a worker and a node killed, against a serial replay (ten minutes)
+	$(BIN)/python -P benchmarks/fleet_cluster.py --recordings 300
+
+fleet-s3: $(TEST_STAMP) ## a fleet in object storage, whose server goes away in the middle (five minutes)
+	$(BIN)/python -P benchmarks/fleet_s3.py
+
+fleet-speed: $(TEST_STAMP) ## two workers against one, what a recording costs besides its replay, into the documentation (five minutes)
+	$(BIN)/python -P benchmarks/fleet_speed.py --write
+
+fleet-years: $(TEST_STAMP) ## drifts of simulated years, and false alarms, into the documentation (two minutes)
+	$(BIN)/python -P benchmarks/fleet_years.py --write
+
+fleet-size: $(TEST_STAMP) ## query and report of 50 machines × 200 days (five minutes)
+	$(BIN)/python -P benchmarks/fleet_size.py
 
 reading: $(BENCH_STAMP) ## logs to columns against other readers and the limit (ten minutes)
 	$(BIN)/python -P benchmarks/decode.py

@@ -20,13 +20,14 @@ from typing import Any
 # before Ray is imported: no node listens elsewhere
 os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+os.environ["RAY_DEDUP_LOGS"] = "0"
 
 from benchmarks.fleet_logs import SerialEngine, recordings, same_results, told
 from replay.fleet.fleet_file import load_fleet
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.run import FleetRun, fleet_run
 from replay.fleet.sources import FleetLog, fleet_logs
-from replay.fleet.task import Outcome
+from replay.fleet.task import TaskOutcome
 
 _WORKER = b"ray::replay_one"
 _WAIT_S = 60.0
@@ -40,7 +41,7 @@ class Killer:
         self._done = 0
         self.killed: list[str] = []
 
-    def done(self, _log: FleetLog, _outcome: Outcome) -> None:
+    def done(self, _log: FleetLog, _outcome: TaskOutcome) -> None:
         """Count a recording, and kill what is due."""
         self._done += 1
         if len(self.killed) == 0 and self._done * 3 >= self._count:

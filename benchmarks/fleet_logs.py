@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from analysis.fleet.tables import TABLES
 from analysis.simulation import Scenario
 from replay.fleet.engine import Result, Task, Work
 from replay.fleet.gathered import FleetResults
@@ -62,8 +63,7 @@ def same_results(a: Path, b: Path, apart: Sequence[str] = ()) -> tuple[int, list
     """
     import polars as pl
 
-    kept = ["loads", "segments", "cycles", "gate_shares", "quality", MARK]
-    files = [{p.relative_to(x) for t in kept for p in (x / t).rglob("*.parquet")} for x in (a, b)]
+    files = [{p.relative_to(x) for t in TABLES for p in (x / t).rglob("*.parquet")} for x in (a, b)]
     differ = [f"only in one: {each}" for each in sorted(files[0] ^ files[1])]
     for name in sorted(files[0] & files[1]):
         if name.parts[0] == MARK:

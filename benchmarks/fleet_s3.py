@@ -28,7 +28,7 @@ from replay.fleet.query import fleet_query
 from replay.fleet.ray_engine import ray_engine
 from replay.fleet.run import fleet_run
 from replay.fleet.sources import FleetLog, fleet_logs
-from replay.fleet.task import Outcome
+from replay.fleet.task import TaskOutcome
 
 #: Shorter keys are refused by the server.
 _ID, _SECRET = "payscope-benchmark-access-key", "payscope-benchmark-secret-access-key"
@@ -103,7 +103,7 @@ def checked(
     done = 0
     back: list[threading.Timer] = []
 
-    def on_done(_log: FleetLog, _outcome: Outcome) -> None:
+    def on_done(_log: FleetLog, _outcome: TaskOutcome) -> None:
         nonlocal done
         done += 1
         if done == count // 2:

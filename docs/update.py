@@ -42,6 +42,8 @@ from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, Si
 from analysis.simulation.shift import SimulatedShift
 from analysis.simulation.starts import SimulatedStarts
 from analysis.simulation.waveforms import ForceWave, TorqueWave
+from replay.fleet.fleet_file import AboutFleet, MachineRule
+from replay.fleet.last_run import TaskLimits
 
 REPO = Path(__file__).resolve().parent.parent
 PAGES = (
@@ -57,6 +59,7 @@ PAGES = (
             "reviewing-a-shift",
             "inertia-and-centre-of-mass",
             "evidence",
+            "fleet",
             "commands",
         )
     ),
@@ -64,6 +67,7 @@ PAGES = (
 _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _SETTINGS = re.compile(r"(<!-- settings -->).*?(<!-- end of settings -->)", re.DOTALL)
 _CAMPAIGN = re.compile(r"(<!-- campaign -->).*?(<!-- end of campaign -->)", re.DOTALL)
+_FLEET = re.compile(r"(<!-- fleet file -->).*?(<!-- end of fleet file -->)", re.DOTALL)
 _SCENARIO = re.compile(r"(<!-- scenario -->).*?(<!-- end of scenario -->)", re.DOTALL)
 #: Another processor gives other last bits; evidence has a name of its own each time.
 _DIGEST = re.compile(
@@ -77,6 +81,7 @@ def updated(page: str, folder: Path) -> str:
     """The page with the output of its commands, and the settings, as they are now."""
     page = _SETTINGS.sub(lambda found: f"{found[1]}\n{settings_table()}\n{found[2]}", page)
     page = _SCENARIO.sub(lambda found: f"{found[1]}\n{scenario_tables()}\n{found[2]}", page)
+    page = _FLEET.sub(lambda found: f"{found[1]}\n{fleet_tables()}\n{found[2]}", page)
     page = _CAMPAIGN.sub(lambda found: f"{found[1]}\n{campaign_tables()}\n{found[2]}", page)
     return _BLOCK.sub(lambda block: f"```console\n{_run_block(block[1], folder)}```", page)
 
@@ -131,6 +136,13 @@ def campaign_tables() -> str:
             ("`[[method.stated]]`", StatedComponent),
             ("`[decision]`", AskedLimits),
         ]
+    )
+
+
+def fleet_tables() -> str:
+    """Every key of a fleet file, a table a section."""
+    return _tables(
+        [("`[fleet]`", AboutFleet), ("`[limits]`", TaskLimits), ("`[[machines]]`", MachineRule)]
     )
 
 

@@ -67,6 +67,17 @@ def test_every_key_of_a_campaign_file_is_documented_with_its_meaning() -> None:
             assert field.description, name
 
 
+def test_every_key_of_a_fleet_file_is_documented_with_its_meaning() -> None:
+    from replay.fleet.fleet_file import AboutFleet, MachineRule
+    from replay.fleet.last_run import TaskLimits
+
+    page = (REPO / "docs/fleet.md").read_text(encoding="utf-8")
+    for model in (AboutFleet, TaskLimits, MachineRule):
+        for name, field in model.model_fields.items():
+            assert f"| `{name}` |" in page
+            assert field.description, name
+
+
 @pytest.mark.parametrize(
     "pages",
     [
@@ -117,12 +128,15 @@ def test_every_example_machine_file_is_valid() -> None:
     from analysis.calibration.campaign import CalibrationCampaign
     from estimators.errors import CampaignError
     from replay import load_machine
+    from replay.fleet.fleet_file import load_fleet
     from replay.scenario_file import load_scenario
     from replay.toml_file import read_toml, validate
 
     for path in sorted((REPO / "examples").glob("*.toml")):
         if path.name in ("campaign.toml", "inertia.toml", "planar.toml", "shift.toml"):
             load_scenario(path)
+        elif path.name == "fleet.toml":
+            load_fleet(path)
         elif path.name == "calibration.toml":
             validate(path, read_toml(path, CampaignError), CalibrationCampaign, CampaignError)
         else:

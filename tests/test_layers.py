@@ -192,6 +192,12 @@ def test_a_library_has_one_importing_package(path: Path) -> None:
         assert OWNERS[library] == package, f"{path} imports {library}"
 
 
+def test_one_file_knows_the_engine_and_one_the_storage() -> None:
+    for library, file in (("ray", "ray_engine"), ("obstore", "store")):
+        knowing = [shown(path) for path in FILES if library in _packages(path)]
+        assert knowing == [f"replay/fleet/{file}.py"]
+
+
 def test_estimators_know_no_frames_and_analysis_no_files() -> None:
     for path in FILES:
         package = path.relative_to(REPO).parts[0]
@@ -202,7 +208,10 @@ def test_estimators_know_no_frames_and_analysis_no_files() -> None:
 
 
 def test_help_loads_none_of_the_heavy_libraries() -> None:
-    heavy = ("numpy", "polars", "numba", "scipy", "rerun", "matplotlib", "rosbags", "pyarrow")
+    heavy = (
+        *("numpy", "polars", "numba", "scipy", "rerun", "matplotlib", "rosbags", "pyarrow"),
+        *("ray", "obstore"),
+    )
     listed = f"[name for name in {heavy!r} if name in sys.modules]"
     code = f"import sys, replay.commands.cli\nprint({listed})"
     loaded = subprocess.run(

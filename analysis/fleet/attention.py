@@ -16,12 +16,15 @@ _FAR: Final = 6.0
 _MAD: Final = 1.4826
 
 
-def needs_a_look(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
+def needs_a_look(
+    results: pl.DataFrame, cycles: pl.LazyFrame, findings: pl.LazyFrame
+) -> pl.DataFrame:
     """Rank recordings by what is wrong with them.
 
     Args:
         results: table `results`.
         cycles: table `cycles`.
+        findings: table `findings`.
 
     Returns:
         key, machine, day, source, weight, why, at_s: the recordings with a reason, the largest
@@ -34,7 +37,7 @@ def needs_a_look(results: pl.DataFrame, cycles: pl.LazyFrame) -> pl.DataFrame:
         .collect()
     )
     placed = results.join(without, on="key", how="left")
-    reasons = pl.concat([*_of_results(placed), _of_cycles(cycles)])
+    reasons = pl.concat([*_of_results(placed), _of_cycles(cycles), _of_findings(findings)])
     ranked = (
         reasons.sort("weight", "why", descending=[True, False])
         .group_by("key", maintain_order=True)
@@ -114,6 +117,24 @@ def _of_cycles(cycles: pl.LazyFrame) -> pl.DataFrame:
                 "number",
                 payload.round(0).cast(pl.Int64),
             ).alias("why"),
+            (pl.col("start_t_ns") / _NS).alias("at_s"),
+        )
+        .collect()
+    )
+
+
+def _of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
+    """The first cause of each recording, unless it only tells."""
+    change = pl.col("mass_change_kg").round(0).cast(pl.Int64, strict=False).cast(pl.String)
+    return (
+        findings.filter((pl.col("rank") == 1) & (pl.col("severity") != "tell"))
+        .select(
+            "key",
+            pl.when(pl.col("severity") == "withhold").then(20.0).otherwise(6.0).alias("weight"),
+            pl.when(change.is_null())
+            .then(pl.format("likely {}", "cause"))
+            .otherwise(pl.format("likely {}, {} kg of mass", "cause", change))
+            .alias("why"),
             (pl.col("start_t_ns") / _NS).alias("at_s"),
         )
         .collect()

@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 ALLOWANCE: Final = 0.25
 #: No value counts for more: a day with a broken log is no drift.
 _MOST: Final = 3.0
+#: Fewer values do not tell how days are correlated, which is at most so much.
+_FEW: Final = 20
+_MOST_ALIKE: Final = 0.9
 #: Before so many values there is no deviation to compare with.
 _FIRST: Final = 3
 #: States of the Markov chain; twice as many change a limit by less than a hundredth.
@@ -59,7 +62,7 @@ def control_chart(values: Floats, limit: float) -> ControlChart:
         values: (n,) in time, without NaN.
         limit: of the sums, from `limit_for`.
     """
-    innovation = innovations(values)
+    innovation = innovations(whitened(values))
     up, down = np.zeros(values.size), np.zeros(values.size)
     flagged: int | None = None
     begins = [0, 0]
@@ -73,6 +76,20 @@ def control_chart(values: Floats, limit: float) -> ControlChart:
             flagged, since = n, begins[0 if high > low else 1]
     change, std = _change(values, since)
     return ControlChart(innovation, up, down, limit, flagged, since, change, std)
+
+
+def whitened(values: Floats) -> Floats:
+    """(n,) of each value what the one before it does not foretell, where days are alike in a row.
+
+    The correlation is that of differences over one and two values, E2 / E1 - 1 of a first-order
+    process, which a drift does not raise as it would that of the values.
+    """
+    if values.size < _FEW:
+        return values
+    one, two = (float(np.mean((values[k:] - values[:-k]) ** 2)) for k in (1, 2))
+    alike = float(np.clip(two / one - 1.0, 0.0, _MOST_ALIKE)) if one > 0.0 else 0.0
+    before = np.concatenate([values[:1], values[:-1]])
+    return values - alike * before
 
 
 def innovations(values: Floats) -> Floats:

@@ -2,12 +2,13 @@
 
 import datetime as dt
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from analysis.calibration.calibration import Calibration
+if TYPE_CHECKING:
+    from analysis.calibration.calibration import Calibration
 
 #: Limits of a change, in standard uncertainties.
 K: Final = 2.0
@@ -73,7 +74,7 @@ class LineChange(NamedTuple):
 
 
 def of_calibration(
-    machine: str, evidence: str, days: tuple[dt.date, dt.date], line: Calibration
+    machine: str, evidence: str, days: tuple[dt.date, dt.date], line: "Calibration"
 ) -> FleetCalibration:
     """A machine's calibration by the id of its evidence, and its first and last day."""
     return FleetCalibration(

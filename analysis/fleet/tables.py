@@ -14,7 +14,7 @@ from analysis.run import Run
 from analysis.schema import FRAMES, Column, Frame
 
 #: Frames of a run that are kept as they are.
-KEPT: Final = ("loads", "segments", "cycles")
+KEPT: Final = ("loads", "segments", "cycles", "findings")
 
 
 def _f(name: str, unit: str, meaning: str) -> Column:

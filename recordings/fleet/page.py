@@ -59,7 +59,9 @@ def fleet_html(page: FleetPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
     machines = sums(page.results, ["machine"])
     total = whole(machines)
-    flagged = [chart for chart in page.charts if chart.chart.flagged is not None]
+    flagged = sorted(
+        (chart for chart in page.charts if chart.chart.flagged is not None), key=_by_size
+    )
     by_week = _fleet_weeks(page.weeks)
     drawn = [tonnes(by_week)] if by_week.height else []
     return page_html(
@@ -179,6 +181,13 @@ def _cell(value: float | None, form: str) -> tuple[str, str]:
     if value is None or not math.isfinite(value):
         return "–", ""
     return f"{value:{form}}", f"{value:.6g}"
+
+
+def _by_size(chart: MachineChart) -> tuple[float, str, str]:
+    """The change that is largest beside its deviation comes first."""
+    change, std = abs(chart.change), chart.change_std
+    known = math.isfinite(change) and std > 0.0
+    return -(change / std if known else 0.0), chart.machine, chart.signal.name
 
 
 def _drift(chart: MachineChart) -> tuple[str, ...]:

@@ -16,6 +16,8 @@ _TONNE: Final = 1e3
 _WEEK: Final = 7
 #: Limits of a week's mean, in its standard deviations.
 _LIMIT: Final = 3.0
+#: Days, at least, that limits are drawn about; the chart itself needs none.
+_BASELINE: Final = 14
 
 
 def tonnes(weeks: pl.DataFrame) -> Drawing | None:
@@ -55,7 +57,8 @@ def drift(number: int, shown: MachineChart) -> Drawing:
     assert flagged is not None
     assert since is not None
     values = np.array(shown.values)
-    base = values[: max(since, 2)]
+    count = min(max(since, _BASELINE), values.size)
+    base = values[:count]
     centre, deviation = float(base.mean()), float(base.std(ddof=1))
     points = _weeks(shown.days, values)
     half = _LIMIT * deviation / np.sqrt(float(np.median([n for _, _, n in points])))
@@ -65,7 +68,7 @@ def drift(number: int, shown: MachineChart) -> Drawing:
         f"drift-{number}",
         f"{shown.machine}: {signal.name}",
         f"Weekly means of the {signal.means}, in {unit}, with the limits of a week's mean about "
-        f"the {since} days before {shown.days[since]}; dashed: {shown.days[flagged]}, when the "
+        f"its first {count} days; dashed: {shown.days[flagged]}, when the "
         "chart flagged it.",
         _HEIGHT,
     )

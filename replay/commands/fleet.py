@@ -124,7 +124,7 @@ def query_command(
     ] = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
-    """Query all results: tables results, loads, segments, cycles, gate_shares, quality."""
+    """Query all results by SQL; the rows are always in the same order."""
     from recordings.output import check_output
     from replay.commands.frame_output import format_of, frame_text, print_frame
     from replay.fleet.gathered import fleet_results

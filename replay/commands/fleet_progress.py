@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 if TYPE_CHECKING:
     from replay.fleet.engine import Engine
     from replay.fleet.sources import FleetLog
-    from replay.fleet.task import Outcome
+    from replay.fleet.task import TaskOutcome
 
 
 class FleetProgress:
@@ -42,7 +42,7 @@ class FleetProgress:
         """The engine is open."""
         self._slots = engine.slots()
 
-    def done(self, log: "FleetLog", outcome: "Outcome") -> None:
+    def done(self, log: "FleetLog", outcome: "TaskOutcome") -> None:
         """A log is done."""
         from replay.fleet.time_left import spoken
 

@@ -14,10 +14,10 @@ from analysis.fleet.comparison import FleetComparison, compared
 from analysis.fleet.days import UNDATED
 from estimators.errors import FleetError
 from replay.fleet.engine import Engine
-from replay.fleet.fleet_file import TaskLimits
-from replay.fleet.gathered import FleetResults, LastRun, fleet_results
+from replay.fleet.gathered import FleetResults, fleet_results
+from replay.fleet.last_run import LastRun, NamedFiles, TaskLimits
 from replay.fleet.run import FleetRun, OnDone, fleet_run
-from replay.fleet.setups import MachineSetup, NamedFiles, machine_setups
+from replay.fleet.setups import MachineSetup, machine_setups
 from replay.fleet.sources import FleetLog, fleet_logs
 
 WHAT_IF: Final = "what-if"

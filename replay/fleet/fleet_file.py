@@ -10,7 +10,8 @@ from typing import Annotated, Final
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from estimators.errors import FleetError
-from replay.fleet.setups import MachineSetup, NamedFiles, machine_setups
+from replay.fleet.last_run import NamedFiles, TaskLimits
+from replay.fleet.setups import MachineSetup, machine_setups
 from replay.toml_file import read_toml, validate
 
 _STRICT: Final = ConfigDict(extra="forbid", frozen=True)
@@ -33,22 +34,6 @@ class AboutFleet(BaseModel):
     model_config = _STRICT
 
     name: _Text = Field("fleet", description="name, on the page")
-
-
-class TaskLimits(BaseModel):
-    """What one recording may take."""
-
-    model_config = _STRICT
-
-    seconds: float = Field(3600.0, gt=0, description="time in s; a task that takes longer is ended")
-    memory_GiB: float = Field(0.75, gt=0, description="memory that a task declares, and")
-    memory_per_byte: float = Field(
-        3.0, ge=0, description="bytes of it for each byte of the log; a task that needs more ends"
-    )
-
-    def memory_bytes(self, size_bytes: int) -> int:
-        """Memory that the task of a log of that size declares."""
-        return int(self.memory_GiB * 2**30 + self.memory_per_byte * size_bytes)
 
 
 class MachineRule(BaseModel):

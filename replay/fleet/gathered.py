@@ -7,6 +7,7 @@ other keys, it is made anew, from the gathered one before and the results that a
 
 import hashlib
 import io
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,35 +16,18 @@ from typing import Final
 from urllib.parse import quote
 
 import polars as pl
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
+from analysis.fleet.lines import FleetCalibration
 from analysis.fleet.tables import TABLES, table_schema
 from estimators.errors import FleetError, OutputError
-from replay.fleet.fleet_file import TaskLimits
+from replay.fleet.last_run import CALIBRATIONS, CURRENT, FAILED, LastRun
 from replay.fleet.layout import MARK, ResultName, name_of, parquet
-from replay.fleet.setups import MachineSetup, NamedFiles
 from replay.fleet.store import Store
 
 _GATHERED: Final = "gathered"
-#: Says which settings are those of the last run.
-CURRENT: Final = "current.json"
 _DIGITS: Final = 16
 _ORDER: Final = ("t0_unix_ns", "key")
-
-
-class CurrentMachine(BaseModel):
-    """A machine of the last run: its files, and the digests of its setups."""
-
-    files: NamedFiles
-    bases: tuple[str, ...]
-
-
-class LastRun(BaseModel):
-    """What the last run was told, beside the results."""
-
-    fleet: str = "fleet"
-    limits: TaskLimits = TaskLimits.model_validate({})
-    machines: dict[str, CurrentMachine] = {}
 
 
 @dataclass
@@ -60,8 +44,8 @@ class FleetResults:
     def names(self) -> Mapping[str, Sequence[ResultName]]:
         """Of every machine the results that are there, by day and key."""
         found: dict[str, list[ResultName]] = {}
-        for each in self.store.objects(MARK):
-            name = name_of(each.name)
+        for each in self.store.names(MARK):
+            name = name_of(each)
             if name is not None:
                 found.setdefault(name.machine, []).append(name)
         return {machine: sorted(found[machine]) for machine in sorted(found)}
@@ -70,8 +54,8 @@ class FleetResults:
     def _gathered(self) -> Mapping[str, str]:
         """Of every machine the folder of its gathered tables, which are up to date."""
         there: dict[str, list[str]] = {}
-        for each in self.store.objects(_GATHERED):
-            folder, _, name = each.name.rpartition("/")
+        for each in self.store.names(_GATHERED):
+            folder, _, name = each.rpartition("/")
             if name == f"{MARK}.parquet":  # written last
                 there.setdefault(folder.rpartition("/")[0], []).append(folder)
         found: dict[str, str] = {}
@@ -149,22 +133,32 @@ class FleetResults:
     def current(self) -> LastRun:
         """What the last run was told."""
         try:
-            return LastRun.model_validate_json(self.store.read(CURRENT))
-        except FileNotFoundError:
-            return LastRun()
+            return LastRun.model_validate_json(self._kept(CURRENT, b"{}"))
         except ValidationError:
             place = self.store.full_name(CURRENT)
             raise FleetError(f"{place}: is not as payscope wrote it; run the fleet again") from None
 
-    def make_current(
-        self, name: str, limits: TaskLimits, setups: Mapping[str, tuple[MachineSetup, ...]]
-    ) -> None:
+    @cached_property
+    def failed(self) -> dict[str, str]:
+        """Recordings without a result, and why, by source."""
+        return json.loads(self._kept(FAILED, b"{}"))
+
+    @cached_property
+    def calibrations(self) -> list[FleetCalibration]:
+        """Calibrations that were in use."""
+        kept = json.loads(self._kept(CALIBRATIONS, b"[]"))
+        return [FleetCalibration.model_validate(each) for each in kept]
+
+    def _kept(self, name: str, nothing: bytes) -> bytes:
+        try:
+            return self.store.read(name)
+        except FileNotFoundError:
+            return nothing
+
+    def make_current(self, run: LastRun) -> None:
         """Say which setups count from now on; machines that are not named keep theirs."""
-        machines = dict(self.current.machines)
-        for machine, each in setups.items():
-            bases = sorted(setup.basis for setup in each)
-            machines[machine] = CurrentMachine(files=each[0].files, bases=tuple(bases))
-        now = LastRun(fleet=name, limits=limits, machines=dict(sorted(machines.items())))
+        machines = {**self.current.machines, **run.machines}
+        now = run.model_copy(update={"machines": dict(sorted(machines.items()))})
         if now != self.current:
             self.store.write(CURRENT, now.model_dump_json(indent=1).encode())
 

@@ -86,8 +86,8 @@ class _Watch(threading.Thread):
         used = resident_bytes()
         if used > self._memory_bytes:
             return (
-                f"needed more than {self._memory_bytes / _GIB:.2f} GiB of memory, which is what "
-                "it declares"
+                f"needed more than {self._memory_bytes / _GIB:.2f} GiB of memory, twice what it "
+                "declares; [limits] of the fleet file says how much that is"
             )
         return ""
 

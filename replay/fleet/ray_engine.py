@@ -5,6 +5,7 @@ import importlib.util
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
 from collections import deque
@@ -22,6 +23,7 @@ _AHEAD: Final = 2
 #: Results go through storage, not through Ray's.
 _OBJECTS_BYTES: Final = 100 * 2**20
 _WAIT_S: Final = 1.0
+_ANSWER_S: Final = 10.0
 _GIB: Final = 2**30
 #: A task has one thread, whichever library would start more.
 _LIBRARIES: Final = ("OPENBLAS", "OMP", "MKL", "NUMBA", "RAYON")
@@ -31,7 +33,7 @@ _ONE_THREAD: Final = {
 }
 #: Before Ray is imported: nothing is reported to anybody, and what is started here for this command
 #: alone listens on the loopback address.
-_QUIET: Final = {"RAY_USAGE_STATS_ENABLED": "0"}
+_QUIET: Final = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_DEDUP_LOGS": "0"}
 _LOOPBACK: Final = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
 
@@ -46,6 +48,8 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
     Raises:
         FleetError: there is no such cluster.
     """
+    if address:
+        _ask(address)
     here = {} if address else _LOOPBACK
     for name, value in {**_QUIET, **here}.items():
         os.environ.setdefault(name, value)
@@ -77,12 +81,23 @@ def ray_engine(address: str | None, workers: int | None) -> Generator["RayEngine
         # Ray's own would leave without the cleaning up of the command
         with suppress(ValueError):
             signal.signal(number, handler)
-    try:
-        # what has died is in the results; Ray would print it where data is printed
-        with redirect_stdout(_WithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
+    # what has died is in the results; Ray would print it where data is printed
+    with redirect_stdout(_WithoutRay(sys.stdout)):  # pyright: ignore[reportArgumentType]
+        try:
             yield RayEngine(ray)
-    finally:
-        ray.shutdown()
+        finally:
+            ray.shutdown()
+
+
+def _ask(address: str) -> None:
+    """Refuse an address at once where nobody listens: Ray would try for minutes."""
+    host, _, port = address.rpartition("://")[2].rpartition(":")
+    if not host or not port.isdigit():
+        raise FleetError(f"--address {address}: write it as host:port, of the cluster's head")
+    try:
+        socket.create_connection((host, int(port)), timeout=_ANSWER_S).close()
+    except (OSError, OverflowError) as error:
+        raise FleetError(f"--address {address}: no cluster answers ({error})") from None
 
 
 class _WithoutRay:

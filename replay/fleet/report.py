@@ -1,7 +1,6 @@
 """The command `fleet report`: one page over machines and weeks."""
 
 import datetime as dt
-import json
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +11,10 @@ import polars as pl
 from analysis.fleet.attention import needs_a_look
 from analysis.fleet.days import daily, sums, weekly, whole
 from analysis.fleet.drifts import MachineChart, machine_charts
-from analysis.fleet.lines import FleetCalibration, line_changes
-from estimators.errors import RecordingError
+from analysis.fleet.lines import line_changes
 from recordings.fleet.page import FleetPage, fleet_html
 from recordings.output import whole_file
 from replay.fleet.gathered import FleetResults
-from replay.fleet.run import failed_before
-from replay.fleet.setups import CALIBRATIONS
 
 _ABOUT: Final = 12
 
@@ -74,7 +70,7 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
     """What the page of a fleet shows."""
     rows, cycles = results.results, results.scan("cycles")
     days = daily(rows, cycles)
-    calibrations = _calibrations(results)
+    calibrations = results.calibrations
     last = days["day"].max()
     return FleetPage(
         name=name,
@@ -84,8 +80,8 @@ def report_page(results: FleetResults, destination: str, name: str) -> FleetPage
         charts=machine_charts(days),
         calibrations=calibrations,
         changes=line_changes(calibrations),
-        looks=_with_commands(needs_a_look(rows, cycles), destination),
-        failed=failed_before(results.store),
+        looks=_with_commands(needs_a_look(rows, cycles, results.scan("findings")), destination),
+        failed=results.failed,
         today=last if isinstance(last, dt.date) else None,
     )
 
@@ -98,17 +94,6 @@ def _with_commands(looks: pl.DataFrame, destination: str) -> pl.DataFrame:
         for key, at in looks.select("key", "at_s").iter_rows()
     ]
     return looks.with_columns(pl.Series("command", commands, dtype=pl.String))
-
-
-def _calibrations(results: FleetResults) -> list[FleetCalibration]:
-    try:
-        kept = json.loads(results.store.read(CALIBRATIONS))
-    except FileNotFoundError:
-        return []
-    except ValueError:
-        place = results.store.full_name(CALIBRATIONS)
-        raise RecordingError(f"{place}: is no JSON; remove it and run the fleet again") from None
-    return [FleetCalibration.model_validate(each) for each in kept]
 
 
 def _drift(chart: MachineChart) -> dict[str, Any]:

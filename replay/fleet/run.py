@@ -6,22 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from analysis.fleet.days import UNDATED
 from estimators.errors import PayscopeError
 from replay.fleet.engine import Engine, Lost, Work
-from replay.fleet.fleet_file import TaskLimits
 from replay.fleet.gathered import FleetResults
+from replay.fleet.last_run import CALIBRATIONS, FAILED, CurrentMachine, LastRun, TaskLimits
 from replay.fleet.layout import MARK, RECORDINGS, name_of
-from replay.fleet.setups import CALIBRATIONS, MachineSetup, setup_on
+from replay.fleet.setups import MachineSetup, setup_on
 from replay.fleet.sources import FleetLog
 from replay.fleet.store import S3, Store
-from replay.fleet.task import Outcome, ReplayTask, replay_one
+from replay.fleet.task import ReplayTask, TaskOutcome, replay_one
 from replay.inputs import versions
-
-#: Recordings that a run could not replay, and why, by source.
-FAILED: Final = "failed.json"
 
 
 class FleetPlan(Protocol):
@@ -43,7 +40,7 @@ class FleetPlan(Protocol):
 
 
 #: Told each log that is done, and what became of it.
-OnDone = Callable[[FleetLog, Outcome], None]
+OnDone = Callable[[FleetLog, TaskOutcome], None]
 
 
 @dataclass
@@ -68,7 +65,7 @@ class FleetRun:
     seconds: float = 0.0
     overhead_s: float = 0.0
 
-    def count(self, source: str, outcome: Outcome) -> None:
+    def count(self, source: str, outcome: TaskOutcome) -> None:
         """Count what became of a recording."""
         self.seconds += outcome.seconds
         self.overhead_s += outcome.overhead_s
@@ -120,11 +117,17 @@ def fleet_run(
     results = FleetResults(Store(place))
     did = FleetRun(destination)
     tasks, setups = _planned(logs, plan, place, did, recordings=recordings)
-    for source in did.failed:
-        log = next(each for each in logs if each.source == source)
-        on_done(log, Outcome("failed", did.failed[source]))
-    results.make_current(plan.name, plan.limits, setups)
-    _remember_calibrations(results.store, setups)
+    for log in logs:
+        if log.source in did.failed:
+            on_done(log, TaskOutcome("failed", did.failed[log.source]))
+    machines = {
+        machine: CurrentMachine(
+            files=each[0].files, bases=tuple(sorted(setup.basis for setup in each))
+        )
+        for machine, each in setups.items()
+    }
+    results.make_current(LastRun(fleet=plan.name, limits=plan.limits, machines=machines))
+    _remember_calibrations(results, setups)
     left, there = _left(tasks, results)
     for task, outcome in there:
         did.count(task.log.source, outcome)
@@ -139,12 +142,12 @@ def fleet_run(
                     replay_one, [Work(task, task.memory_bytes) for task in left]
                 ):
                     outcome = (
-                        Outcome("failed", result.reason) if isinstance(result, Lost) else result
+                        TaskOutcome("failed", result.reason) if isinstance(result, Lost) else result
                     )
                     did.count(task.log.source, outcome)
                     on_done(task.log, outcome)
     finally:
-        _remember_failed(results.store, did, {log.source for log in logs})
+        _remember_failed(results, did, {log.source for log in logs})
     FleetResults(results.store).gather()
     return did
 
@@ -171,7 +174,7 @@ def _planned(
 
 def _left(
     tasks: Sequence[ReplayTask], results: FleetResults
-) -> tuple[list[ReplayTask], list[tuple[ReplayTask, Outcome]]]:
+) -> tuple[list[ReplayTask], list[tuple[ReplayTask, TaskOutcome]]]:
     """Tasks to do, and those whose log has not changed since its result was made.
 
     By size and time of change of the log's files; where these have changed, the task itself
@@ -183,48 +186,41 @@ def _left(
     by_log: dict[tuple[str, str], list[tuple[str, ...]]] = {}
     for source, stamp, *row in results.whole(MARK).select(columns).collect().iter_rows():
         by_log.setdefault((source, stamp), []).append(tuple(row))
-    names = map(name_of, (each.name for each in results.store.objects(RECORDINGS)))
+    names = map(name_of, results.store.names(RECORDINGS))
     recorded = {name.key for name in names if name is not None}
     left: list[ReplayTask] = []
-    there: list[tuple[ReplayTask, Outcome]] = []
+    there: list[tuple[ReplayTask, TaskOutcome]] = []
     for task in tasks:
         for basis, day, key, status, reason in by_log.get((task.log.source, task.log.stamp), ()):
             # a calibration may have come since
             asked = setup_on(task.setups, None if day == UNDATED else dt.date.fromisoformat(day))
             refused = status == "refused"
             if asked.basis == basis and (refused or key in recorded or not task.recording):
-                there.append((task, Outcome("refused", reason) if refused else Outcome("there")))
+                there.append(
+                    (task, TaskOutcome("refused", reason) if refused else TaskOutcome("there"))
+                )
                 break
         else:
             left.append(task)
     return left, there
 
 
-def _remember_calibrations(store: Store, setups: Mapping[str, tuple[MachineSetup, ...]]) -> None:
+def _remember_calibrations(
+    results: FleetResults, setups: Mapping[str, tuple[MachineSetup, ...]]
+) -> None:
     """Keep what the calibrations in use say, for the report."""
     now = [each.calibration for machine in sorted(setups) for each in setups[machine]]
     used = [each for each in now if each is not None]
-    try:
-        before = json.loads(store.read(CALIBRATIONS))
-    except FileNotFoundError:
-        before = []
-    kept = {(each["machine"], each["id"]): each for each in before}
-    kept |= {(each.machine, each.id): each.model_dump(mode="json") for each in used}
+    before = results.calibrations
+    kept = {(each.machine, each.id): each for each in [*before, *used]}
     if list(kept.values()) != before:
-        store.write(CALIBRATIONS, json.dumps(list(kept.values()), indent=1).encode())
+        plain = [each.model_dump(mode="json") for each in kept.values()]
+        results.store.write(CALIBRATIONS, json.dumps(plain, indent=1).encode())
 
 
-def _remember_failed(store: Store, did: FleetRun, asked: set[str]) -> None:
+def _remember_failed(results: FleetResults, did: FleetRun, asked: set[str]) -> None:
     """Keep the list of what has failed, for the report; what is done is off it."""
-    before = failed_before(store)
+    before = results.failed
     now = {source: why for source, why in before.items() if source not in asked} | did.failed
     if now != before:
-        store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())
-
-
-def failed_before(store: Store) -> dict[str, str]:
-    """Recordings without a result, and why, by source."""
-    try:
-        return json.loads(store.read(FAILED))
-    except FileNotFoundError:
-        return {}
+        results.store.write(FAILED, json.dumps(dict(sorted(now.items())), indent=1).encode())

@@ -14,29 +14,13 @@ from analysis.machine import Machine
 from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import EvidenceError
 from replay.calibrated import AskedCalibration, MachineCalibration, load_calibration
+from replay.fleet.last_run import NamedFiles
 from replay.inputs import resolved, versions
 from replay.machine_file import load_machine
 
 #: Raised whenever results that are there have to be made anew.
 FORMAT: Final = 1
 _S: Final = 10**9
-#: Calibrations that were in use, beside the results.
-CALIBRATIONS: Final = "calibrations.json"
-
-
-@dataclass(frozen=True)
-class NamedFiles:
-    """What a fleet file names for a machine.
-
-    Attributes:
-        file: machine file.
-        overrides: `key=value`, of that.
-        calibrations: folders of evidence.
-    """
-
-    file: str
-    overrides: tuple[str, ...] = ()
-    calibrations: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

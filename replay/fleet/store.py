@@ -22,6 +22,8 @@ _AWAY: Final = timedelta(minutes=5)
 #: Objects that are fetched at once.
 _AT_ONCE: Final = 16
 _CHUNK: Final = 8 * 2**20
+#: In the name of a file that is being written to a folder.
+_WRITING: Final = "#"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +62,21 @@ class Store:
         """All objects below a prefix, by name; what is being written is not among them."""
         if self.folder is not None and not (self.folder / prefix).is_dir():
             return []
-        found = [
-            _object(each)
-            for batch in self._said(prefix, lambda: list(self._store.list(prefix or None)))
-            for each in batch
-        ]
+        batches = self._said(prefix, lambda: list(self._store.list(prefix or None)))
+        found = (_object(each) for batch in batches for each in batch)
         return sorted(found, key=lambda each: each.name)
+
+    def names(self, prefix: str) -> list[str]:
+        """Their names alone: of a folder a tenth of the time."""
+        if self.folder is None:
+            return [each.name for each in self.objects(prefix)]
+        root = str(self.folder)
+        found = (
+            f"{folder[len(root) + 1 :]}/{name}"
+            for folder, _, names in os.walk(self.folder / prefix)
+            for name in names
+        )
+        return sorted(name for name in found if _WRITING not in name)
 
     def has(self, name: str) -> bool:
         """Whether there is such an object."""

@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
@@ -44,7 +44,7 @@ class ReplayTask:
         destination: of the results.
         recording: whether its `.rrd` is kept.
         seconds: that it may take.
-        memory_bytes: that it may take.
+        memory_bytes: that it declares; at twice as much it is ended.
         versions: that a node must have.
     """
 
@@ -58,7 +58,7 @@ class ReplayTask:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TaskOutcome:
     """What became of a recording.
 
     Attributes:
@@ -66,37 +66,43 @@ class Outcome:
         reason: why it was refused or failed.
         seconds: that the replay took.
         overhead_s: that all around it took.
+        processor_s: of the processor, for both.
     """
 
     status: Status
     reason: str = ""
     seconds: float = 0.0
     overhead_s: float = 0.0
+    processor_s: float = 0.0
 
 
-def replay_one(task: ReplayTask) -> Outcome:
+def replay_one(task: ReplayTask) -> TaskOutcome:
     """Replay a recording within its limits, and write its result, unless it is there."""
-    began = time.perf_counter()
+    began, processor = time.perf_counter(), time.process_time()
     here = versions()
     other = [f"{n} {here[n]} for {v}" for n, v in task.versions.items() if here[n] != v]
     if other:
-        return Outcome("failed", f"its node has {', '.join(other)}")
+        return TaskOutcome("failed", f"its node has {', '.join(other)}")
     try:
-        with limited(task.seconds, task.memory_bytes), fetched(task.log) as path:
+        with limited(task.seconds, 2 * task.memory_bytes), fetched(task.log) as path:
             made = _result(task, path)
     except LimitError as error:
-        return Outcome("failed", str(error))
+        return TaskOutcome("failed", str(error))
     except MemoryError:
-        return Outcome("failed", "ran out of memory")
+        return TaskOutcome("failed", "ran out of memory")
     except FileNotFoundError as error:
-        return Outcome("failed", f"{error.filename or error}: is no longer there")
+        return TaskOutcome("failed", f"{error.filename or error}: is no longer there")
     except PayscopeError as error:
-        return Outcome("failed", str(error))
+        return TaskOutcome("failed", str(error))
     whole_s = time.perf_counter() - began
-    return Outcome(made.status, made.reason, made.seconds, whole_s - made.seconds)
+    return replace(
+        made,
+        overhead_s=whole_s - made.seconds,
+        processor_s=time.process_time() - processor,
+    )
 
 
-def _result(task: ReplayTask, path: Path) -> Outcome:
+def _result(task: ReplayTask, path: Path) -> TaskOutcome:
     setup, day = task.setups[-1], None
     store = store_of(task.destination)
     try:
@@ -106,7 +112,7 @@ def _result(task: ReplayTask, path: Path) -> Outcome:
             setup = setup_on(task.setups, day)
             result = _Result(task, setup, log.digests, day)
             if result.is_there(store):
-                return Outcome("there")
+                return TaskOutcome("there")
             began = time.perf_counter()
             made = replayed(log, setup, task.log.source)
             took_s = time.perf_counter() - began
@@ -116,9 +122,9 @@ def _result(task: ReplayTask, path: Path) -> Outcome:
         result = _Result(task, setup, _digests(path), day)
         if not result.is_there(store):
             result.write(store, None, {"status": "refused", "reason": said})
-        return Outcome("refused", said)
+        return TaskOutcome("refused", said)
     result.write(store, made, {})
-    return Outcome("made", seconds=took_s)
+    return TaskOutcome("made", seconds=took_s)
 
 
 class _Result:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from replay.fleet.fleet_file import TaskLimits
+from replay.fleet.last_run import TaskLimits
 from replay.fleet.limits import LimitError, limited, resident_bytes
 from replay.fleet.run import FleetRun
 from tests.replay.fleet.conftest import Run

@@ -1,4 +1,4 @@
-"""The engine on a cluster of three nodes here: what survives, what is given up, what is declared."""
+"""The engine on a cluster of three nodes here: what survives, what is given up and why."""
 
 import subprocess
 import sys
@@ -6,27 +6,30 @@ from pathlib import Path
 
 import pytest
 
+from estimators.errors import FleetError
+from replay.fleet.ray_engine import ray_engine
+from tests.one_line import assert_one_line
+
 REPO = Path(__file__).resolve().parents[3]
 
 
-def test_a_worker_and_a_node_are_killed_and_every_result_is_there_once_bit_for_bit() -> None:
+@pytest.mark.slow
+def test_of_a_fleet_with_a_worker_and_a_node_killed_every_result_is_there_bit_for_bit() -> None:
     """In a process of its own, which Ray fills with threads; `make fleet` does it with 300."""
-    left = subprocess.run(
-        [sys.executable, "-P", "benchmarks/fleet_cluster.py", "--recordings", "12"],
-        capture_output=True,
-        text=True,
-        cwd=REPO,
-        check=False,
-        timeout=240,
-    )
-    assert left.returncode == 0, left.stdout[-3000:] + left.stderr[-3000:]
-    assert "12 results of 12 recordings, 0 files differ" in left.stdout
-    assert left.stdout.startswith("killed: worker ")
-    assert "raylet" not in left.stdout
+    said = run([sys.executable, "-P", "benchmarks/fleet_cluster.py", "--recordings", "30"])
+    assert "30 results of 30 recordings, 0 files differ" in said
+    assert said.startswith("killed: worker ")
 
 
+#: Tasks small enough that nothing but the engine takes time.
 ENGINE = """
-import os, sys, time
+import os, signal, sys, time
+
+os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+os.environ["RAY_USAGE_STATS_ENABLED"] = os.environ["RAY_DEDUP_LOGS"] = "0"
+import ray
+from ray.cluster_utils import Cluster
+
 from replay.fleet.engine import Lost, Work
 from replay.fleet.ray_engine import ray_engine
 
@@ -37,56 +40,51 @@ def work(what):
         raise ValueError("a fault of ours")
     if what == "threads":
         return [os.environ[n] for n in ("OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS")]
-    return what
+    time.sleep(0.2)
+    return os.getpid()
 
-with ray_engine(None, 1) as engine:
-    asked = [Work(w, 1 << 20) for w in ("die", "raise", "threads", "plain")] + [Work("large", 1 << 50)]
-    found = dict(engine.run(work, asked))
-    assert engine.slots() == 1
-    import ray
+node = {"node_ip_address": "127.0.0.1", "num_cpus": 1, "include_dashboard": False,
+        "object_store_memory": 100 * 2**20}
+cluster = Cluster(initialize_head=True, head_node_args=node)
+victim = [cluster.add_node(**node) for _ in range(2)][-1]
+done = {}
+with ray_engine(cluster.address, None) as engine:
+    assert engine.slots() == 3
     assert {n["NodeManagerAddress"] for n in ray.nodes()} == {"127.0.0.1"}
-    print("printed")
-for name in sorted(found):
-    said = found[name]
-    print(name, said.reason if isinstance(said, Lost) else said)
+    tasks = [*range(40), "die", "raise", "threads"]
+    asked = [Work("large", 1 << 50), *(Work(task, 1 << 20) for task in tasks)]
+    for task, result in engine.run(work, asked):
+        assert task not in done
+        done[task] = result
+        if len(done) == 8:
+            os.kill(result, signal.SIGKILL)
+        elif len(done) == 16:
+            cluster.remove_node(victim, allow_graceful=False)
+            print("killed both")
+cluster.shutdown()
+assert all(isinstance(done[number], int) for number in range(40))
+for name in ("die", "large", "raise", "threads"):
+    print(name, done[name].reason if isinstance(done[name], Lost) else done[name])
 """
 
 
-def test_what_dies_raises_or_fits_no_node_is_given_up_with_the_reason() -> None:
-    left = subprocess.run(
-        [sys.executable, "-c", ENGINE],
-        capture_output=True,
-        text=True,
-        cwd=REPO,
-        check=False,
-        timeout=240,
-    )
-    assert left.returncode == 0, left.stderr[-3000:]
-    printed, *said = left.stdout.splitlines()
-    assert printed == "printed"
+def test_nodes_and_workers_may_die_and_what_is_given_up_has_its_reason() -> None:
+    first, *said = run([sys.executable, "-c", ENGINE]).splitlines()
+    assert first == "killed both"
     assert said[0].startswith("die its worker ended 4 times without a word")
     assert said[1].startswith("large declares 1048576.0 GiB of memory, and the largest node has")
-    assert said[2:] == ["plain plain", "raise ValueError: a fault of ours", "threads ['1', '1']"]
-    assert left.stderr == ""
+    assert said[2:] == ["raise ValueError: a fault of ours", "threads ['1', '1']"]
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1:1"])
-def test_a_cluster_that_does_not_answer_is_said_in_one_line(address: str, tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("time_s\n0\n")
-    (tmp_path / "f.toml").write_text(
-        '[[machines]]\nlogs = "*.csv"\nname = "one"\nfile = "cat262c.toml"\n'
-    )
-    left = subprocess.run(
-        [
-            *(Path(sys.executable).with_name("payscope"), "fleet", "run", tmp_path),
-            *("-m", tmp_path / "f.toml", "-o", tmp_path / "out", "--address", address),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
-    assert left.returncode == 2, left.stderr
-    assert left.stdout == ""
-    assert left.stderr.count("\n") == 1
-    assert f"--address {address}: no cluster answers" in left.stderr
+def run(words: list[str]) -> str:
+    """In a process of its own, which Ray fills with threads; what it prints."""
+    left = subprocess.run(words, capture_output=True, text=True, cwd=REPO, check=False, timeout=500)
+    assert left.returncode == 0, left.stdout[-2000:] + left.stderr[-2000:]
+    return left.stdout
+
+
+def test_a_cluster_that_does_not_answer_is_said_in_one_line() -> None:
+    for address, part in (("127.0.0.1:1", "no cluster answers"), ("there", "host:port")):
+        with pytest.raises(FleetError, match=part) as fault, ray_engine(address, None):
+            pass
+        assert_one_line(fault.value)

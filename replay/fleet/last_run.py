@@ -1,0 +1,58 @@
+"""What the last run was told, beside the results: which settings count, and how to run again."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict, Field
+
+CURRENT: Final = "current.json"
+#: Calibrations that were in use, beside the results.
+CALIBRATIONS: Final = "calibrations.json"
+#: Recordings that runs could not replay, and why, by source.
+FAILED: Final = "failed.json"
+
+
+class TaskLimits(BaseModel):
+    """What one recording may take."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    seconds: float = Field(3600.0, gt=0, description="time in s; a task that takes longer is ended")
+    memory_GiB: float = Field(0.75, gt=0, description="memory that a task declares, and")
+    memory_per_byte: float = Field(
+        3.0, ge=0, description="bytes of it for each byte of the log; at twice as much it is ended"
+    )
+
+    def memory_bytes(self, size_bytes: int) -> int:
+        """Memory that the task of a log of that size declares."""
+        return int(self.memory_GiB * 2**30 + self.memory_per_byte * size_bytes)
+
+
+@dataclass(frozen=True)
+class NamedFiles:
+    """What a fleet file names for a machine.
+
+    Attributes:
+        file: machine file.
+        overrides: `key=value`, of that.
+        calibrations: folders of evidence.
+    """
+
+    file: str
+    overrides: tuple[str, ...] = ()
+    calibrations: tuple[str, ...] = ()
+
+
+class CurrentMachine(BaseModel):
+    """A machine of the last run: its files, and the digests of its setups."""
+
+    files: NamedFiles
+    bases: tuple[str, ...]
+
+
+class LastRun(BaseModel):
+    """What the last run was told, beside the results."""
+
+    fleet: str = "fleet"
+    limits: TaskLimits = TaskLimits.model_validate({})
+    machines: dict[str, CurrentMachine] = {}

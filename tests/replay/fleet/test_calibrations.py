@@ -1,0 +1,100 @@
+"""Calibrations of a fleet: by the day of the log, kept for the report, refused where they are."""
+
+import datetime as dt
+import shutil
+from pathlib import Path
+
+import polars as pl
+import pytest
+
+from analysis.fleet.lines import FleetCalibration
+from benchmarks.fleet_logs import SerialEngine
+from replay.calibrate import calibrate
+from replay.fleet.fleet_file import load_fleet
+from replay.fleet.gathered import fleet_results
+from replay.fleet.report import report_page
+from replay.fleet.run import FleetRun, fleet_run
+from replay.fleet.setups import setup_on
+from replay.fleet.sources import fleet_logs
+from tests.replay.sledge_campaign import campaign_folder
+
+RULE = """
+[[machines]]
+logs = "{machine}/load-*.csv"
+file = "sledge.toml"
+calibrations = "evidence/{machine}/*"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign's logs as those of a machine, two of them its recordings; and its evidence."""
+    folder = tmp_path_factory.mktemp("calibrated fleet")
+    campaign = campaign_folder(folder / "campaign")
+    text = campaign.read_text()
+    campaign.write_text(f"{text}\n[method]\nlearn = false\n")
+    (folder / "evidence/sledge").mkdir(parents=True)
+    calibrate(campaign, folder / "evidence/sledge/first")
+    (folder / "sledge").mkdir()
+    shutil.copy(folder / "campaign/load-0.csv", folder / "sledge")
+    # the other one has a date
+    noon_s = dt.datetime(2026, 5, 20, 12, tzinfo=dt.UTC).timestamp()
+    dated = pl.read_csv(folder / "campaign/load-1.csv").with_columns(pl.col("time_s") + noon_s)
+    dated.write_csv(folder / "sledge/load-1.csv")
+    shutil.copy(folder / "campaign/sledge.toml", folder)
+    (folder / "fleet.toml").write_text(RULE)
+    return folder
+
+
+def run(folder: Path, destination: Path, *overrides: str) -> FleetRun:
+    fleet = load_fleet(folder / "fleet.toml", overrides)
+    return fleet_run(fleet_logs([str(folder / "sledge")]), fleet, str(destination), SerialEngine)
+
+
+def test_the_setup_is_that_of_the_latest_calibration_that_holds_on_the_day(folder: Path) -> None:
+    setups = load_fleet(folder / "fleet.toml").setups_of(str(folder / "sledge/load-0.csv"))
+    by = setups[0].by
+    assert by is not None
+    first, last = setups[0].first, by.document.expires
+    for day, calibrated in (
+        (first, True),
+        (last, True),
+        (first - dt.timedelta(days=1), False),
+        (last + dt.timedelta(days=1), False),
+        (None, False),
+    ):
+        assert (setup_on(setups, day).by is not None) == calibrated
+    assert setups[0].basis != setups[1].basis
+
+
+def test_calibrations_in_use_are_kept_for_the_report(folder: Path, tmp_path: Path) -> None:
+    did = run(folder, tmp_path / "results")
+    assert did.failed == {}
+    results = fleet_results(str(tmp_path / "results"))
+    page = report_page(results, "dest", "fleet")
+    (kept,) = page.calibrations
+    assert isinstance(kept, FleetCalibration)
+    assert (kept.machine, kept.method) == ("sledge", "joint_mass")
+    assert page.changes == []
+    # of a log without a date no calibration holds
+    used = dict(results.results.select("day", "calibration").iter_rows())
+    assert used == {"undated": "", "2026-05-20": kept.id}
+    loads = results.scan("loads").filter(pl.col("day") == "2026-05-20").collect()
+    assert (loads["calibrated_kg"].is_not_null() | (loads["calibrated_reason"] != "")).all()
+    assert results.scan("loads").collect()["calibrated_kg"].count() > 0
+
+
+def test_evidence_of_other_settings_is_a_fault_of_its_logs_and_left_out_of_a_what_if(
+    folder: Path, tmp_path: Path
+) -> None:
+    from replay.fleet.setups import NamedFiles, machine_setups
+
+    override = "settings.gate.threshold_nat=0.9"
+    did = run(folder, tmp_path / "results", override)
+    assert len(did.failed) == 2
+    assert all("is of other settings" in why for why in did.failed.values())
+    files = NamedFiles(
+        str(folder / "sledge.toml"), (override,), (str(folder / "evidence/sledge/first"),)
+    )
+    (plain,) = machine_setups("sledge", files, lenient=True)
+    assert plain.by is None
