@@ -8,6 +8,7 @@ from analysis.explaining.moment import GateStretch, ManoeuvreSeen
 from estimators.errors import counted
 from recordings.finding_text import (
     LEADS_TO,
+    bends,
     change_of,
     name_of,
     proposal_of,
@@ -41,7 +42,11 @@ def verdict_sentence(explained: Explanation) -> str:
         return f"{said}{here}; it was not looked at for causes: replay it."
     if not found:
         return f"{said}{here}; no known cause of an error shows."
-    first, others = found[0], len(found) - 1
+    first = next((each for each in found if bends(each)), None)
+    if first is None:
+        names = ", ".join(name_of(each.cause) for each in found)
+        return f"{said}{here}; nothing that shows is known to bend the mass: {names}."
+    others = len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
     change = change_of(first)
     return (

@@ -25,6 +25,11 @@ def name_of(cause: str) -> str:
     return cause.replace("_", " ")
 
 
+def bends(finding: Finding) -> bool:
+    """Whether it matters to the mass, or may: what is told alone, without kilograms, does not."""
+    return finding.severity != "tell" or finding.mass_change_kg is not None
+
+
 def change_of(finding: Finding) -> str:
     """What mending would do to the mass, or nothing where that is not known."""
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
@@ -37,7 +42,8 @@ def span_of(finding: Finding) -> str:
     """Where it is, or nothing for the whole log."""
     if finding.start_s is None or finding.end_s is None:
         return ""
-    return f"{finding.start_s:,.1f} to {finding.end_s:,.1f} s"
+    begin, end = f"{finding.start_s:,.1f}", f"{finding.end_s:,.1f}"
+    return f"{begin} s" if begin == end else f"{begin} to {end} s"
 
 
 def finding_line(finding: Finding) -> str:

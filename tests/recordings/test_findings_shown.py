@@ -93,6 +93,13 @@ def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
     assert verdict_sentence(explain(healthy(drives(60.0)))).endswith(
         "no known cause of an error shows."
     )
+    told = drives(60.0)
+    told.frames["findings"] = told.frames["findings"].with_columns(
+        severity=pl.lit("tell"), mass_change_kg=pl.lit(None, pl.Float64)
+    )
+    assert verdict_sentence(explain(told)).endswith(
+        "nothing that shows is known to bend the mass: delay, frozen."
+    )
     older = verdict_sentence(explain(without(drives(60.0), "findings")))
     assert older.endswith("replay it.")
 
