@@ -33,7 +33,7 @@ def limited(seconds: float, memory_bytes: int) -> Generator[None]:
 
     Args:
         seconds: of wall-clock time.
-        memory_bytes: of resident memory of the process.
+        memory_bytes: that the process may grow by; what it held before is not of this task.
 
     Raises:
         LimitError: over a limit.
@@ -62,6 +62,7 @@ class _Watch(threading.Thread):
         self._watched = threading.get_ident()
         self._end = time.monotonic() + seconds
         self._seconds, self._memory_bytes = seconds, memory_bytes
+        self._held = resident_bytes()
         self._reason = ""
 
     def run(self) -> None:
@@ -83,7 +84,7 @@ class _Watch(threading.Thread):
     def _over(self) -> str:
         if time.monotonic() > self._end:
             return f"took longer than {self._seconds:g} s, its limit"
-        used = resident_bytes()
+        used = resident_bytes() - self._held
         if used > self._memory_bytes:
             return (
                 f"needed more than {self._memory_bytes / _GIB:.2f} GiB of memory, twice what it "

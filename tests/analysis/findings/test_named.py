@@ -24,6 +24,7 @@ SIZES = {
     "force offset": 4.0,
     "braking included": 5.0,
     "a bucket that fills": 10.0,
+    "a frame that swings": 1.0,
 }
 OTHERS = 3.0
 

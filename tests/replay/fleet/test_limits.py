@@ -25,7 +25,7 @@ def test_what_needs_too_much_memory_is_interrupted() -> None:
     held: list[bytes] = []
 
     def grow() -> None:
-        with limited(60.0, resident_bytes() + (64 << 20)):
+        with limited(60.0, 64 << 20):
             for _ in range(200):
                 held.append(b"\1" * (8 << 20))
                 time.sleep(0.02)
@@ -33,6 +33,14 @@ def test_what_needs_too_much_memory_is_interrupted() -> None:
     with pytest.raises(LimitError, match=r"needed more than .* GiB of memory"):
         grow()
     assert len(held) < 100
+
+
+def test_what_the_process_held_before_is_not_of_the_task() -> None:
+    before = b"\1" * (256 << 20)
+    assert resident_bytes() > len(before)
+    with limited(60.0, 128 << 20):
+        time.sleep(0.3)
+    del before
 
 
 def test_within_the_limits_nothing_happens_and_the_signal_is_given_back() -> None:
