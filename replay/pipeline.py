@@ -1,7 +1,10 @@
 """The paper's method on one screen: log → align → smooth → forces → gate → weigh → trace → Run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
+
+import polars as pl
 
 from analysis.align import align
 from analysis.align import notes as grid_notes
@@ -12,20 +15,20 @@ from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
 from analysis.digging import digging, without_digging
-from analysis.findings import Case, findings
+from analysis.findings import Case, beginning, behind, findings
 from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
 from analysis.masses import masses, withhold
 from analysis.obstacles import obstacles
 from analysis.planar import planar
-from analysis.run import Run
+from analysis.run import Loss, Run
 from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
 from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
-from analysis.weighing.weigh import weigh
+from analysis.weighing.weigh import Weighing, weigh
 from estimators.threads import one_blas_thread
 from replay.inputs import named_by_topic, provenance, read_channels
 from replay.readers import Log
@@ -35,6 +38,31 @@ STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
     *("noise", "gate", "segments", "weigh", "trace", "verdict", "findings", "planar", "cycles"),
 )
+
+
+@dataclass(frozen=True)
+class _Judged:
+    """What a log is worth, and all that says so.
+
+    Attributes:
+        frames: of the run, up to the verdict.
+        weighing: the joint fit.
+        case: what causes are looked for in.
+        totals: the masses of the whole log, as far as they may be said.
+        opinion: the verdict.
+        stamps: which stamp each topic is placed by.
+        doubts: what is not provably there.
+        notes: what a reader should know.
+    """
+
+    frames: dict[str, pl.DataFrame]
+    weighing: Weighing | None
+    case: Case
+    totals: pl.DataFrame
+    opinion: Verdict
+    stamps: dict[str, str]
+    doubts: list[Loss]
+    notes: list[str]
 
 
 @one_blas_thread()  # or the last bits depend on the number of cores
@@ -52,10 +80,52 @@ def run(
         Every intermediate frame and where it came from.
     """
     logs = logs if isinstance(logs, Sequence) else [logs]
-    settings = machine.settings
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
+    seen = _judged(raw, machine, on_stage)
+    weighing, opinion, excitation = seen.weighing, seen.opinion, seen.frames["excitation"]
+    on_stage("findings")  # named causes of a bad estimate, with what mending each would do
+    causes = _causes(seen, raw, machine)
+    on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
+    plane = planar(excitation, seen.frames["gate"], opinion, machine.settings, seen.frames["noise"])
+    on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
+    answer = {
+        "loads": loads(weighing, excitation, machine, opinion),
+        "manoeuvres": manoeuvre_frame(weighing, excitation),
+    }
+    hauled = cycles(weighing, {**seen.frames, **answer}, machine, opinion)
+
+    return Run(
+        frames={
+            **named_by_topic(raw),
+            **seen.frames,
+            "planar": plane,
+            **answer,
+            "cycles": hauled,
+            "shift": shift(hauled, excitation, seen.frames["aligned"]),
+            "nuisances": nuisances(weighing),
+            "budget": budget_frame(weighing, machine),
+            "masses": seen.totals,
+            "verdict": seen.case.judged,
+            "findings": causes,
+        },
+        provenance=provenance(
+            logs,
+            machine,
+            seen.case.evidence.t0_unix_ns,
+            seen.stamps,
+            # a recording that is replayed has its own again
+            losses=list(dict.fromkeys([*losses, *seen.doubts])),
+            notes=[*seen.notes, *obstacles(excitation, seen.frames["gate"], machine.settings)],
+        ),
+    ).fingerprinted()
+
+
+def _judged(
+    raw: Mapping[str, pl.DataFrame], machine: Machine, on_stage: Callable[[str], None]
+) -> _Judged:
+    settings = machine.settings
     on_stage("derive")  # SI units; one filter on all of them where one is differentiated
     placed, stamps, doubts = place(raw)
     read, missing = measured(placed, machine)
@@ -95,23 +165,8 @@ def run(
     judged = verdict(evidence)
     opinion = Verdict.of(judged)
     contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
-    totals = withhold(everything, opinion, contradicted)
-    on_stage("findings")  # named causes of a bad estimate, with what mending each would do
-    causes = findings(Case(evidence, aligned, noise, raw, digs, judged))
-    on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane = planar(excitation, gated, opinion, settings, noise)
-
-    on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
-    answer = {
-        "loads": loads(weighing, excitation, machine, opinion),
-        "manoeuvres": manoeuvre_frame(weighing, excitation),
-    }
-    seen = {"aligned": aligned, "excitation": excitation, "digging": digs, **answer}
-    hauled = cycles(weighing, seen, machine, opinion)
-
-    return Run(
-        frames={
-            **named_by_topic(raw),
+    return _Judged(
+        {
             "aligned": aligned,
             "excitation": excitation,
             "noise": noise,
@@ -119,23 +174,22 @@ def run(
             "digging": digs,
             **{f"estimates/{method}": frame for method, frame in estimates.items()},
             "segments": table,
-            "planar": plane,
-            **answer,
-            "cycles": hauled,
-            "shift": shift(hauled, excitation, aligned),
-            "nuisances": nuisances(weighing),
-            "budget": budget_frame(weighing, machine),
-            "masses": totals,
-            "verdict": judged,
-            "findings": causes,
         },
-        provenance=provenance(
-            logs,
-            machine,
-            t0_unix_ns,
-            stamps,
-            # a recording that is replayed has its own again
-            losses=list(dict.fromkeys([*losses, *doubts, *missing])),
-            notes=[*notes, *obstacles(excitation, gated, settings)],
-        ),
-    ).fingerprinted()
+        weighing,
+        Case(evidence, aligned, noise, raw, digs, judged),
+        withhold(everything, opinion, contradicted),
+        opinion,
+        stamps,
+        [*doubts, *missing],
+        notes,
+    )
+
+
+def _causes(seen: _Judged, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
+    """The causes that show; behind one that hides the others, those of the log without it."""
+
+    def mended(changed: Machine) -> pl.DataFrame:
+        part = beginning(raw)
+        return _causes(_judged(part, changed, lambda _: None), part, changed)
+
+    return behind(findings(seen.case), machine, mended)

@@ -55,6 +55,7 @@ class Cause:
         find: looks for it, channel by channel; nothing where the log does not hold that.
         withholds: whether a mass under it is worth nothing.
         explains: causes that are seen where it is, and stand behind it.
+        hides: whether nothing else shows before it is mended.
     """
 
     key: str
@@ -63,3 +64,4 @@ class Cause:
     find: Callable[[Case], list[Sign]]
     withholds: bool = False
     explains: tuple[str, ...] = ()
+    hides: bool = False

@@ -22,7 +22,7 @@ from analysis.weighing.equation import Equation
 _A_CAUSE: Final = 9.0
 #: So many deviations a standing reading must be, and this size, to be one.
 DEVIATIONS: Final = 5.0
-LEAST_M_S2: Final = 0.01
+LEAST_M_S2: Final = 0.004
 LEAST_SHARE: Final = 0.004
 #: Fewer rows tell nothing.
 _FEWEST: Final = 30

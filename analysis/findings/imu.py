@@ -5,12 +5,12 @@ from typing import Final
 
 import numpy as np
 
-from analysis.diagnosis.evidence import Floats
 from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
 from analysis.findings.constants import DEVIATIONS, LEAST_M_S2, constants, gravity, has_pitch
 from analysis.findings.mending import mended
 from analysis.findings.motions import accelerated
+from analysis.findings.share_seen import share_seen
 from analysis.phases import beside_speed_rate
 from analysis.schema import values
 from analysis.units import to_si
@@ -22,10 +22,8 @@ _TELLS_M_S2: Final = 0.05
 _LEAST_YAW_RAD: Final = 0.03
 #: Of the wheels' acceleration an accelerometer that sees less is low-passed,
 _ATTENUATED: Final = 0.6
-#: by so many deviations; over so long, and so many of them.
+#: by so many deviations.
 _SURELY: Final = 2.0
-_SPAN_S: Final = 0.1
-_FEWEST_SPANS: Final = 50
 #: A ratio so sure may be that of a unit.
 _TELLS_UNIT: Final = 0.02
 #: one that sees less of gravity at standstill has none.
@@ -157,7 +155,7 @@ def _yaw(case: Case) -> list[Sign]:
 
 def low_passed(case: Case) -> list[Sign]:
     """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
-    found = _share_seen(case)
+    found = share_seen(case)
     if found is None:
         return []
     gain, std = found
@@ -173,35 +171,6 @@ def low_passed(case: Case) -> list[Sign]:
             alternatives=("delay",) if gain > _ATTENUATED - 0.1 else (),
         )
     ]
-
-
-def _share_seen(case: Case) -> tuple[float, float] | None:
-    """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
-    if ACC not in case.aligned.columns or not case.measured(ACC):
-        return None
-    size = max(round(_SPAN_S * case.machine.settings.align.rate_hz), 1)
-    count = case.aligned.height // size
-    if count < _FEWEST_SPANS:
-        return None
-
-    def means(x: Floats) -> Floats:
-        return x[: count * size].reshape(count, size).mean(axis=1)
-
-    speed = means(values(case.aligned, "speed_x_m_s"))
-    reads = means(values(case.aligned, ACC) - gravity(case))
-    moves = means((~case.stands).astype(float)) > 0.0
-    x, y = np.diff(speed) / _SPAN_S, (reads[1:] + reads[:-1]) / 2.0
-    used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
-    if used.sum() < _FEWEST_SPANS:
-        return None
-    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
-    power = float(x @ x)
-    if not power > 0.0:
-        return None
-    gain = float(x @ y) / power
-    # neighbours share half of what they are of
-    std = float(np.sqrt(1.5 * ((y - gain * x) ** 2).sum() / (x.size - 2) / power))
-    return gain, std
 
 
 def slope(case: Case) -> list[Sign]:

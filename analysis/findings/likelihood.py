@@ -13,7 +13,9 @@ import numpy as np
 
 from analysis.findings.case import Case
 from analysis.findings.constants import constants
+from analysis.findings.mending import whole_stretches
 from analysis.findings.motions import moved
+from analysis.findings.readings import spiked
 from analysis.findings.rows import Explained, force_system, wheel_system
 from analysis.weighing.equation import Equation
 
@@ -64,6 +66,9 @@ def _picked(case: Case) -> dict[str, Pick]:
     if fit is None or noise is None or constants(case).motion is None:
         return {}
     motion = constants(case).motion or fit.motion
+    near = spiked(case)
+    if near.any():  # a spike is no motion, whatever it looks like
+        motion = whole_stretches(motion.without(near))
     taken: list[str] = []
     out: dict[str, Pick] = {}
     late = _late(case, motion)

@@ -59,7 +59,7 @@ def _mass_kg(case: Case, motion: Equation) -> float | None:
         return None
     priors = case.machine.settings.priors
     # of a long log a part says as much of what a cause does
-    motion = _stretches(motion.beginning(_TRIED))
+    motion = whole_stretches(motion.beginning(_TRIED))
     if motion.used.sum() < _FEWEST:
         return None
     wheels = kinematics(motion, noise, priors)
@@ -71,8 +71,8 @@ def _mass_kg(case: Case, motion: Equation) -> float | None:
     return found if np.isfinite(found) else None
 
 
-def _stretches(motion: Equation) -> Equation:
-    """Number the stretches anew: samples that were left out may have cut some in two."""
+def whole_stretches(motion: Equation) -> Equation:
+    """The motion with its stretches numbered anew: what was left out may have cut some in two."""
     parts = np.where(motion.used, np.cumsum(begins(motion.group)) - 1, -1)
     size = np.bincount(parts[parts >= 0], minlength=1)
     short = (parts >= 0) & (size[np.maximum(parts, 0)] < _SHORTEST)

@@ -17,11 +17,15 @@ from analysis.weighing.equation import Equation
 #: So many deviations a term of the fit must be from 0.
 _TERM: Final = 3.3
 #: No accelerometer's scale is trusted to less.
-_LEAST_GAIN: Final = 0.005
+_LEAST_GAIN: Final = 0.002
+#: Nor Coulomb friction to a smaller share of the largest force.
+_LEAST_SHARE: Final = 0.002
 #: An answer whose standard uncertainty is this share of it has too little to go by.
 _POOR: Final = 0.05
 #: Share of the mass that priors alone leave open where regressors go together.
 _OPEN: Final = 0.04
+#: Of the empty machine's weight: what resists by less is no pile.
+_PILE: Final = 0.01
 #: Braking moves the mass by so many of the answer's standard uncertainties.
 _BRAKING: Final = 1.5
 #: Of the answer's uncertainty with braking: less motion says less.
@@ -140,7 +144,7 @@ def coulomb(case: Case) -> list[Sign]:
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, force / (0.003 * motion.largest_force)),
+            min(float(np.sqrt(pick.gain)) / _TERM, force / (_LEAST_SHARE * motion.largest_force)),
             f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
@@ -253,6 +257,9 @@ def external_force(case: Case) -> list[Sign]:
     if not case.digs.height:
         return []
     growth, std = (case.digs[name].to_numpy() for name in ("growth_N", "growth_std_N"))
+    body = case.machine.machine
+    if not growth.max() > _PILE * body.gravity_m_s2 * (body.empty_mass_kg or 0.0):
+        return []
     worst = int(np.argmax(growth / std))
     begin, end = (int(case.digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [

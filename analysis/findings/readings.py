@@ -1,9 +1,11 @@
 """Readings of one channel: frozen, clipped, coarse, with spikes."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.evidence import Bools
 from analysis.diagnosis.signals import Floats, Ints
 from analysis.findings.case import Case
 from analysis.findings.cause import Sign
@@ -168,9 +170,51 @@ def _coarse(case: Case, name: str) -> bool:
     return bool(lsb) and repeats > _REPEATS
 
 
+@dataclass(frozen=True, slots=True)
+class _Spikes:
+    """The spikes of a channel.
+
+    Attributes:
+        unix_ns: (k,) their stamps.
+        size: their median distance from what is beside them.
+        ratio: the largest one's, in deviations.
+        near: (n,) grid samples beside them.
+    """
+
+    unix_ns: Ints
+    size: float
+    ratio: float
+    near: Bools
+
+
 def spikes(case: Case) -> list[Sign]:
     """Single readings far from both neighbours, which agree."""
-    found: list[Sign] = []
+    return _largest(
+        [
+            Sign(
+                each.ratio / _SPIKE * float(np.sqrt(min(each.unix_ns.size, 25))) / 1.3,
+                f"{each.unix_ns.size} single readings are off by {each.size:.3g} (median), up to "
+                f"{each.ratio:.0f} deviations",
+                channel=name,
+                span_ns=case.since_start(int(each.unix_ns[0]), int(each.unix_ns[-1])),
+                change=lambda near=each.near: mended(
+                    case, lambda motion: motion.without(near), _CUT
+                ),
+            )
+            for name, each in _spikes(case).items()
+        ]
+    )
+
+
+def _spikes(case: Case) -> dict[str, _Spikes]:
+    """By channel; nothing of those without any."""
+    if "spikes" not in case.kept:
+        case.kept["spikes"] = _found_spikes(case)
+    return case.kept["spikes"]  # type: ignore[return-value]
+
+
+def _found_spikes(case: Case) -> dict[str, _Spikes]:
+    found: dict[str, _Spikes] = {}
     for name in case.needed:
         t, x = case.series[name]
         if x.size < 3 * _BLOCK:
@@ -182,20 +226,14 @@ def spikes(case: Case) -> list[Sign]:
         places = np.flatnonzero(far) + 1
         if not places.size:
             continue
-        size = float(np.median(np.abs(middle[places - 1])))
-        ratio = float(np.max(np.abs(middle[places - 1]) / scale[places - 1]))
-        near = _beside(case, t[places])
-        found.append(
-            Sign(
-                ratio / _SPIKE * np.sqrt(min(places.size, 25)) / 1.3,
-                f"{places.size} single readings are off by {size:.3g} (median), up to "
-                f"{ratio:.0f} deviations",
-                channel=name,
-                span_ns=case.since_start(int(t[places[0]]), int(t[places[-1]])),
-                change=lambda near=near: mended(case, lambda motion: motion.without(near), _CUT),
-            )
+        size = np.abs(middle[places - 1])
+        found[name] = _Spikes(
+            t[places],
+            float(np.median(size)),
+            float(np.max(size / scale[places - 1])),
+            _beside(case, t[places]),
         )
-    return _largest(found)
+    return found
 
 
 def _local_deviation(x: Floats) -> Floats:
@@ -209,12 +247,20 @@ def _local_deviation(x: Floats) -> Floats:
     return np.append(out, np.full(x.size - size, around[-1] if around.size else 0.0))
 
 
-def _beside(case: Case, unix_ns: Ints) -> "np.typing.NDArray[np.bool_]":
+def _beside(case: Case, unix_ns: Ints) -> Bools:
     """Grid samples beside these stamps, (n,)."""
     t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
     at = np.zeros(t.size, np.bool_)
     at[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)] = True
     return windows_with(at, _BESIDE) | windows_with(at[::-1], _BESIDE)[::-1]
+
+
+def spiked(case: Case) -> Bools:
+    """Grid samples beside a spike of any channel, (n,)."""
+    near = np.zeros(case.aligned.height, np.bool_)
+    for each in _spikes(case).values():
+        near |= each.near
+    return near
 
 
 def _largest(found: list[Sign]) -> list[Sign]:

@@ -41,6 +41,8 @@ class System:
         columns: by cause, (n,) what one unit of it adds; causes without one are not seen here.
         noise: (p, p) what noise of the base adds to its sums of products.
         noise_with: by cause, (p,) what it adds to those with its column.
+        noise_of: by cause, what noise of its column, that y has with the other sign, adds to the
+            square of that column.
     """
 
     y: Floats
@@ -48,6 +50,7 @@ class System:
     columns: dict[str, Floats]
     noise: Floats
     noise_with: dict[str, Floats]
+    noise_of: dict[str, float]
 
 
 def force_system(
@@ -90,6 +93,7 @@ def force_system(
         {name: mean(column) for name, column in columns.items()},
         begin.size * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
+        {},
     )
 
 
@@ -103,6 +107,7 @@ def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
     of_acc = float(noise.covariance(_LONG)[0, 0]) * _LONG * step_s**2 * _WHEELS
     y: list[Floats] = []
     columns: dict[str, list[Floats]] = {}
+    of_gained = 0.0
     for part in group_rows(motion.group):
         count = part.size // _WHEELS
         if count < _FEWEST:
@@ -110,7 +115,8 @@ def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
         part = part[: count * _WHEELS]
         a, v, f = reads[part], motion.speed[part], motion.force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
-        white = _whitener(count, of_speed, of_acc)
+        white, added = _whitener(count, of_speed, of_acc)
+        of_gained += added
 
         def rows(x: Floats, white: Floats = white, count: int = count) -> Floats:
             return white @ x.reshape(count, _WHEELS).mean(axis=1)
@@ -131,18 +137,24 @@ def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
         {name: np.concatenate(each) for name, each in columns.items()},
         np.zeros((0, 0)),
         {},
+        {"wheel_radius": of_gained},
     )
 
 
 @lru_cache(maxsize=256)
-def _whitener(count: int, of_speed: float, of_acc: float) -> Floats:
-    """(count - 2, count) that makes the noise of a stretch white and takes its line off."""
+def _whitener(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float]:
+    """(count - 2, count) that makes the noise of a stretch white and takes its line off.
+
+    Beside it the accelerometer's share of that noise, added up over the rows.
+    """
     k = np.arange(count, dtype=np.float64)
-    covariance = of_speed * np.eye(count) + of_acc * np.minimum(k[:, None], k[None, :])
+    adds_up = of_acc * np.minimum(k[:, None], k[None, :])
+    covariance = of_speed * np.eye(count) + adds_up
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     line = white @ np.column_stack([np.ones(count), k])
     across = np.linalg.qr(line, mode="complete")[0][:, 2:]
-    return np.asarray(across.T @ white, np.float64)
+    rows = np.asarray(across.T @ white, np.float64)
+    return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
 def _blocks(group: Ints, samples: int) -> tuple[Ints, int]:
@@ -209,7 +221,9 @@ class Explained:
         score = tried.T @ left
         for place, name in enumerate(others):
             score[place] += system.noise_with.get(name, np.zeros(count)) @ theta[:count]
+            score[place] += system.noise_of.get(name, 0.0)
         squares = (tried**2).sum(axis=0)
+        squares -= [system.noise_of.get(name, 0.0) for name in others]
         information = squares - np.einsum("ij,ij->j", cross, inverse @ cross)
         kept = [k for k in range(len(others)) if information[k] > _LEFT * squares[k]]
         # noise by what all causes together leave, whichever it is

@@ -9,6 +9,7 @@ from analysis.diagnosis.evidence import Floats
 from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
 from analysis.findings.mending import mended
+from analysis.findings.share_seen import share_seen
 from analysis.schema import values
 from analysis.weighing.equation import Equation
 
@@ -33,6 +34,7 @@ _SPEED_UNITS: Final = {
     1.0 / 0.3048: "ft/s as m/s",
     1000.0: "mm/s as m/s",
 }
+_ACC_AXES: Final = (ACC, "specific_force_y_m_s2", "specific_force_z_m_s2")
 _ACC_UNITS: Final = {1.0 / 9.80665: "g as m/s²", 1000.0: "mm/s² as m/s²"}
 _FORCE_UNITS: Final = {
     1000.0: "mN as N",
@@ -41,8 +43,10 @@ _FORCE_UNITS: Final = {
     1.0 / 9.80665: "kgf as N",
     8.8507: "lbf·in as N·m",
 }
-#: An ungated mass is taken for one below this relative deviation.
+#: An ungated mass, or a gain, is taken for one below this relative deviation.
 _SURE: Final = 0.05
+#: So is the fit's mass where its standard uncertainty is a smaller share of it.
+_KNOWN: Final = 0.15
 #: A ratio is a unit's within this share; a load and friction bend a mass more.
 _NEAR: Final = 0.06
 _NEAR_MASS: Final = 0.35
@@ -194,9 +198,11 @@ def wrong_unit(case: Case) -> list[Sign]:
 def _of_speed(case: Case) -> list[Sign]:
     """The accelerometer against the wheels, and against gravity."""
     gain = case.checks.get("acceleration_gain", np.nan)
-    if not np.isfinite(gain) or gain <= 0.0:
+    seen = share_seen(case)
+    # what hardly moves has any gain
+    if not gain > 0.0 or seen is None or not seen[1] < _SURE * abs(seen[0]):
         return []
-    own = dict.fromkeys(_ACC_UNITS, (ACC,))
+    own = dict.fromkeys(_ACC_UNITS, case.measured(*_ACC_AXES))
     of_speed = {1.0 / times: case.speed_channels for times in _SPEED_UNITS}
     named = {**_ACC_UNITS, **{1.0 / times: what for times, what in _SPEED_UNITS.items()}}
     out: list[Sign] = []
@@ -205,7 +211,7 @@ def _of_speed(case: Case) -> list[Sign]:
         if off > _NEAR or not names:
             continue
         # the accelerometer's scale from the wheels' side, or the other way round
-        times = 1.0 / ratio if names == (ACC,) else ratio
+        times = 1.0 / ratio if names[0] == ACC else ratio
         setting, value = case.scaled(names, times)
         out.append(
             Sign(
@@ -230,7 +236,10 @@ def _of_force(case: Case) -> list[Sign]:
     if fit is not None and empty_kg and fit.mass_kg > 0:
         ratio = fit.mass_kg / empty_kg
     names = case.measured("force_x_N") or case.measured("torque_left_N_m", "torque_right_N_m")
-    poor = fit is None and not case.checks.get("relative_std", np.inf) < _SURE
+    if fit is None:
+        poor = not case.checks.get("relative_std", np.inf) < _SURE
+    else:
+        poor = not fit.u_kg < _KNOWN * fit.mass_kg
     if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
         return []
     near = min(_FORCE_UNITS, key=lambda times: abs(np.log(ratio / times)))

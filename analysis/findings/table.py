@@ -24,6 +24,7 @@ CAUSES: Final = (
         signs.flipped,
         withholds=True,
         explains=(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
+        hides=True,
     ),
     Cause(
         "unsigned",
@@ -40,6 +41,7 @@ CAUSES: Final = (
         signs.wrong_unit,
         withholds=True,
         explains=(*_OF_FIT, "imu_misaligned", "offset", "slope"),
+        hides=True,
     ),
     Cause(
         "swapped_sides",

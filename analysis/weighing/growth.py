@@ -26,8 +26,11 @@ _FEWEST: Final = 4
 _OF_MEDIAN: Final = 1.4826
 #: Of all manoeuvres of a log, one is said to change by mistake with this probability.
 _BY_MISTAKE: Final = 0.01
-#: Mass, friction and constant of its own: a start may differ in all of them.
+#: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
+#: share of it and in the constant by such a share of the largest force (one standard deviation).
 _OWN: Final = 3
+_FRICTION: Final = 0.1
+_CONSTANT: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +63,14 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
     if sum(told) < _FEWEST:
         return ()
     left = _left(fit, rows, unit)
-    slopes = [_slope(rows.A[part], left[part]) for part in compress(parts, told)]
+    variance = _variance(fit, noise)
+    usual = _FRICTION * abs(fit.viscous), _CONSTANT * fit.motion.largest_force
+    tied = np.sqrt(variance) / np.maximum([np.inf, *usual], 1e-9)
+    slopes = [_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
     kg, square = np.array(slopes).T
     kg = kg - np.median(kg)
-    usual = _OF_MEDIAN * float(np.median(np.abs(kg)))
-    std_kg = np.sqrt(_variance(fit, noise) / square + usual**2)
+    apart = _OF_MEDIAN * float(np.median(np.abs(kg)))
+    std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
     number = fit.states.unit[told]
     used, of_sample = np.flatnonzero(fit.motion.used), sample_units(fit.motion)
@@ -91,15 +97,17 @@ def _left(fit: JointFit, rows: Averages, unit: Ints) -> Floats:
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ theta
 
 
-def _slope(A: Floats, residual: Floats) -> tuple[float, float]:
+def _slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
     """How much a residual grows with a mass, and the information about it.
 
-    The manoeuvre's own mass, friction and constant are aside.
+    The manoeuvre's own mass, friction and constant are aside, as far as they may differ: `tied` is
+    (3,) a row's deviation over theirs.
     """
-    own = A[:, :_OWN]
+    own = np.vstack([A[:, :_OWN], np.diag(tied)])
     grows = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
-    grows = grows - own @ np.linalg.lstsq(own, grows)[0]
-    square = float(grows @ grows)
+    own_part = np.linalg.lstsq(own, np.append(grows, np.zeros(_OWN)))[0]
+    grows = grows - A[:, :_OWN] @ own_part
+    square = float(grows @ (A[:, 0] * np.linspace(-0.5, 0.5, residual.size)))
     return float(grows @ residual) / square, square
 
 
