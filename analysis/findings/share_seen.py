@@ -1,0 +1,48 @@
+"""What the accelerometer sees of the wheels' acceleration, in whatever moves."""
+
+from typing import Final
+
+import numpy as np
+
+from analysis.diagnosis.evidence import Floats
+from analysis.findings.case import ACC, Case
+from analysis.findings.constants import gravity
+from analysis.schema import values
+
+#: Over so long, and so many of them.
+_SPAN_S: Final = 0.1
+_FEWEST_SPANS: Final = 50
+#: Of what the wheels' acceleration shows, motion must be this share, and noise the rest.
+_MOTION: Final = 0.3
+
+
+def share_seen(case: Case) -> tuple[float, float] | None:
+    """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
+    if ACC not in case.aligned.columns or not case.measured(ACC):
+        return None
+    size = max(round(_SPAN_S * case.machine.settings.align.rate_hz), 1)
+    count = case.aligned.height // size
+    if count < _FEWEST_SPANS:
+        return None
+
+    def means(x: Floats) -> Floats:
+        return x[: count * size].reshape(count, size).mean(axis=1)
+
+    speed = means(values(case.aligned, "speed_x_m_s"))
+    reads = means(values(case.aligned, ACC) - gravity(case))
+    moves = means((~case.stands).astype(float)) > 0.0
+    x, y = np.diff(speed) / _SPAN_S, (reads[1:] + reads[:-1]) / 2.0
+    used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
+    if used.sum() < _FEWEST_SPANS:
+        return None
+    x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
+    # noise of the speed is no acceleration, and would look like one that is not seen
+    reads_speed = 0.0 if case.column_noise is None else case.column_noise.covariance(size)[1, 1]
+    seen = float(x @ x)
+    power = seen - x.size * 2.0 * reads_speed / _SPAN_S**2
+    if not power > _MOTION * seen:
+        return None
+    gain = float(x @ y) / power
+    # neighbours share half of what they are of
+    std = float(np.sqrt(1.5 * seen * ((y - gain * x) ** 2).sum() / (x.size - 2))) / power
+    return gain, std
