@@ -20,7 +20,9 @@ SEVERITIES: Final = (1.0, 3.0, 10.0)
 BY_NAME: Final = {fault.name: fault for fault in FAULTS}
 #: A size is found when it bends the mass by what it should within this factor.
 _NEAR: Final = 1.35
-_ROUNDS: Final = 3
+_ROUNDS: Final = 7
+#: So often by the secant.
+_SECANTS: Final = 3
 #: No error at all is taken for this.
 _LEAST: Final = 0.02
 _FIRST: Final = 3.0
@@ -53,6 +55,13 @@ class Trial:
     claimed: tuple[float, float] | None
     true_kg: float | None
     names: tuple[str, ...]
+
+    @property
+    def is_of_its_size(self) -> bool:
+        """Whether it bends the mass as was asked, where that is what its size means."""
+        if BY_NAME[self.faults[0]].largest is None:
+            return True
+        return self.severity / 2.0 <= self.reached <= 2.0 * self.severity
 
 
 def base(seed: int, faults: Sequence[Fault]) -> Sections:
@@ -112,22 +121,26 @@ def trials_of(fault: Fault, seed: int) -> list[Trial]:
 def _sized(
     fault: Fault, size: float, severity: float, sections: Sections, without: Found
 ) -> tuple[float, Found | None]:
-    """The size that bends the mass so, by the secant through 0."""
+    """The size that bends the mass so: by the secant through 0, then between too small and too large."""
     assert fault.largest is not None
     of: Found | None = None
+    least, most = 0.0, fault.largest
     for number in range(_ROUNDS):
         of = tried(sections, [(fault, size)])
-        if of is None:
-            size, before = size * 0.5, size
-            if number == _ROUNDS - 1:
-                return before, None
-            continue
-        reached = max(errors(without, of), _LEAST)
-        factor = severity / reached
-        if 1.0 / _NEAR < factor < _NEAR or number == _ROUNDS - 1 or not np.isfinite(factor):
+        reached = np.inf if of is None else max(errors(without, of), _LEAST)
+        if of is not None and not np.isfinite(reached):
             break
-        wanted = float(np.clip(size * np.clip(factor, 0.1, 6.0), 1e-3, fault.largest))
-        if wanted == size:
+        factor = severity / reached
+        if 1.0 / _NEAR < factor < _NEAR or number == _ROUNDS - 1:
+            break
+        if factor > 1.0:
+            least = max(least, size)
+        else:
+            most = min(most, size)
+        wanted = size * float(np.clip(factor, 0.1, 6.0))
+        if not least < wanted < most or number >= _SECANTS:
+            wanted = float(np.sqrt(max(least, 0.05 * most) * most))
+        if most - least < 0.01 * most or abs(wanted - size) < 0.01 * size:
             break
         size = wanted
     return size, of

@@ -21,6 +21,8 @@ from analysis.weighing.equation import Equation
 
 #: Gains (twice the log likelihood) that differ by less are not told apart.
 APART: Final = 6.0
+#: So are those of brakes and of a constant force by less than this share.
+_OF_BRAKES: Final = 0.4
 #: A cause is taken from this gain on, and so many of them.
 _TAKEN: Final = 11.0
 _MOST: Final = 4
@@ -90,13 +92,20 @@ def _picked(case: Case) -> dict[str, Pick]:
         rivals = tuple(
             name
             for name, pick in tried.items()
-            if name != best.name and best.gain - pick.gain < APART and name not in out
+            if name != best.name and best.gain - pick.gain < _apart(best, name) and name not in out
         )
         out[best.name] = replace(found, gain=best.gain, rivals=rivals)
         taken.append(best.name)
     else:
         out.update({n: p for n, p in _tried(case, motion, taken).items() if n not in out})
     return out
+
+
+def _apart(best: Pick, name: str) -> float:
+    """Gains that differ by less are not told apart."""
+    # brakes of an unknown course, under a throttle that is held, are a constant force
+    alike = {best.name, name} in ({"braking", "const"}, {"braking", "direction"})
+    return max(APART, _OF_BRAKES * best.gain) if alike else APART
 
 
 def _late(case: Case, motion: Equation) -> Pick | None:
@@ -169,6 +178,12 @@ def _left(
     fit, noise = case.fit, case.column_noise
     assert fit is not None
     assert noise is not None
-    force = force_system(motion, noise, case.mass_of_samples(motion), max(fit.viscous, 0.0))
+    force = force_system(
+        motion,
+        noise,
+        case.mass_of_samples(motion),
+        max(fit.viscous, 0.0),
+        brakes=not case.machine.settings.gate.exclude_braking,
+    )
     wheels = wheel_system(motion, noise)
     return Explained.of(force, taken), None if wheels is None else Explained.of(wheels, taken)

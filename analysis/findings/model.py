@@ -28,6 +28,8 @@ _OPEN: Final = 0.04
 _PILE: Final = 0.01
 #: Braking moves the mass by so many of the answer's standard uncertainties.
 _BRAKING: Final = 1.5
+#: Brakes of which the force does not see a smaller share are seen.
+_UNSEEN: Final = 0.002
 #: Of the answer's uncertainty with braking: less motion says less.
 _OF_BRAKING: Final = 4.0
 
@@ -65,7 +67,7 @@ def wheel_radius(case: Case) -> list[Sign]:
 
 def _others(pick: Pick) -> tuple[str, ...]:
     """Keys of the causes that this log does not tell from one."""
-    keys = {"const": "coulomb", "direction": "coulomb"}
+    keys = {"const": "coulomb", "direction": "coulomb", "braking": "braking_inside"}
     own = keys.get(pick.name, pick.name.partition(":")[0])
     named = (keys.get(name, name.partition(":")[0]) for name in pick.rivals)
     return tuple(key for key in dict.fromkeys(named) if key != own)
@@ -238,16 +240,23 @@ def braking(case: Case) -> list[Sign]:
     weighing = case.evidence.weighing
     if weighing is None or not np.isfinite(weighing.braking_kg):
         return []
-    strength = abs(weighing.braking_kg) / (_BRAKING * weighing.fit.u_kg)
     left = 0.0 if weighing.braking_left_out else -weighing.braking_kg
+    pick = None if weighing.braking_left_out else picks(case).get("braking")
+    if pick is None:  # what driving says is all there is
+        strength = float(abs(weighing.braking_kg) / (_BRAKING * weighing.fit.u_kg))
+        share, others = "", ()
+    else:
+        strength = min(float(np.sqrt(pick.gain)) / _TERM, pick.value / _UNSEEN)
+        share, others = f" ({pick.value:.2%} ± {pick.std:.2%} unseen)", _others(pick)
     return [
         Sign(
-            float(strength),
+            strength,
             f"braking moves the mass by {weighing.braking_kg:+.0f} kg: the force does not see all "
-            "of the brakes",
+            f"of the brakes{share}",
             setting="settings.gate.exclude_braking",
             value="true",
             change=lambda: Change(left, _OF_BRAKING * weighing.fit.u_kg),
+            alternatives=others,
         )
     ]
 

@@ -54,7 +54,12 @@ class System:
 
 
 def force_system(
-    motion: Equation, noise: NoiseOfColumns, mass_kg: Floats, friction: float
+    motion: Equation,
+    noise: NoiseOfColumns,
+    mass_kg: Floats,
+    friction: float,
+    *,
+    brakes: bool = False,
 ) -> System:
     """Rows of the force.
 
@@ -63,6 +68,7 @@ def force_system(
         noise: of the columns.
         mass_kg: (n,) of the load of each sample, what differs of which is taken off.
         friction: viscous, what slip costs.
+        brakes: whether braking counts as driving.
     """
     begin, size = _blocks(motion.group, _FORCE)
     usual_kg = float(np.median(mass_kg[motion.used]))
@@ -80,6 +86,8 @@ def force_system(
     }
     if motion.both_ways:
         columns["direction"] = motion.direction
+    if brakes:
+        columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def mean(x: Floats) -> Floats:
         return _sums(x, begin, size) / size / std

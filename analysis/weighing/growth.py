@@ -24,6 +24,8 @@ _FEWEST_ROWS: Final = 20
 _FEWEST: Final = 4
 #: A standard deviation over the median distance from the median, of normal numbers.
 _OF_MEDIAN: Final = 1.4826
+#: A row that misses by more such deviations counts as missing by so many.
+_FAR: Final = 4.0
 #: Of all manoeuvres of a log, one is said to change by mistake with this probability.
 _BY_MISTAKE: Final = 0.01
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
@@ -63,9 +65,11 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
     if sum(told) < _FEWEST:
         return ()
     left = _left(fit, rows, unit)
+    usual = _OF_MEDIAN * float(np.median(np.abs(left[unit >= 0])))
+    left = left.clip(-_FAR * usual, _FAR * usual)  # the jerk of a stop is no load
     variance = _variance(fit, noise)
-    usual = _FRICTION * abs(fit.viscous), _CONSTANT * fit.motion.largest_force
-    tied = np.sqrt(variance) / np.maximum([np.inf, *usual], 1e-9)
+    own = _FRICTION * abs(fit.viscous), _CONSTANT * fit.motion.largest_force
+    tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     slopes = [_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
     kg, square = np.array(slopes).T
     kg = kg - np.median(kg)
