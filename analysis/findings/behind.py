@@ -10,13 +10,12 @@ from typing import Final
 
 import polars as pl
 
-from analysis.findings.cause import Cause
 from analysis.findings.table import CAUSES
 from analysis.machine import Machine
 
 #: Of a longer log its beginning is looked at once more.
 _LONGEST_S: Final = 3600.0
-_HIDES: Final = {cause.key: cause for cause in CAUSES if cause.hides}
+_HIDES: Final = [cause.key for cause in CAUSES if cause.hides]
 _SCALE: Final = "scale"
 
 
@@ -48,19 +47,17 @@ def behind(
         `findings`: the cause that hides others, then those that the log has once it is mended;
         as they were where nothing is hidden, or mending it leaves the cause where it was.
     """
-    hiding = found.filter(pl.col("cause").is_in(list(_HIDES)), pl.col("setting").is_not_null())
-    if hiding.is_empty():
+    first = found.head(1)
+    if not first["cause"].is_in(_HIDES).any() or first["setting"][0] is None:
         return found
-    first = hiding.head(1)
     changed = _scaled(machine, first["setting"][0], first["value"][0])
     if changed is None:
         return found
-    cause: Cause = _HIDES[first["cause"][0]]
     others = look(changed)
-    if cause.key in others["cause"]:
+    if first["cause"][0] in others["cause"]:
         return found
     others = others.with_columns(
-        evidence=pl.format("once {} is mended: {}", pl.lit(cause.key), "evidence")
+        evidence=pl.format("once {} is mended: {}", pl.lit(first["cause"][0]), "evidence")
     )
     both = pl.concat([first, others])
     return both.with_columns(rank=pl.int_range(1, both.height + 1, dtype=pl.Int64))

@@ -14,6 +14,7 @@ from analysis.findings.case import Case
 from analysis.findings.cause import Change
 from analysis.weighing.equation import Equation, begins
 from analysis.weighing.joint_fit import again
+from analysis.weighing.joint_result import JointFit
 from analysis.weighing.kinematics import kinematics
 
 #: Of the deviation by noise alone: what a replay accepts besides, and the mean that it takes.
@@ -42,15 +43,20 @@ def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
     fit = case.fit
     if fit is None:
         return None
-    if "refitted" not in case.kept:
-        case.kept["refitted"] = _mass_kg(case, fit.motion)
-    before, after = case.kept["refitted"], _mass_kg(case, mend(fit.motion))
-    assert before is None or isinstance(before, float)
+    before, after = _before_kg(case, fit), _mass_kg(case, mend(fit.motion))
     if before is None or after is None:
         return None
     kg = after - before
     of_noise = fit.parts_kg(fit.weights(fit.main))["noise"]
     return Change(kg, float(np.hypot(max(relative_u, _OF_SIZE) * kg, _OF_REPLAY * of_noise)))
+
+
+def _before_kg(case: Case, fit: JointFit) -> float | None:
+    """The mass of the motion as it is: the fit's own, or that of the same part of a long log."""
+    if "refitted" not in case.kept:
+        whole = np.unique(fit.motion.group[fit.motion.used]).size <= _TRIED
+        case.kept["refitted"] = fit.mass_kg if whole else _mass_kg(case, fit.motion)
+    return case.kept["refitted"]  # type: ignore[return-value]
 
 
 def _mass_kg(case: Case, motion: Equation) -> float | None:

@@ -63,7 +63,7 @@ CAUSES: Final = (
         "starts that reach it",
         readings.saturated,
         withholds=True,
-        explains=(*_OF_FIT, "quantised"),
+        explains=(*_OF_FIT, "quantised", "wrong_unit"),
     ),
     Cause(
         "spikes",

@@ -46,6 +46,7 @@ class Fault:
         largest: no size beyond this is a fault that still drives; None where size bends no mass,
             and the sizes 1, 3 and 10 of it are as they are said.
         said: what the size 1 is.
+        has_size: whether its size changes anything.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Fault:
     last_runs: int = 0
     overrides: tuple[str, ...] = ()
     largest: float | None = None
+    has_size: bool = True
 
 
 def with_fault(log: SimulatedLog, fault: Fault, size: float, seed: int) -> SimulatedLog:
@@ -215,18 +217,21 @@ FAULTS: Final = (
         ("sign_flipped",),
         "times -1",
         topics=_times("torque", _TORQUES, lambda _: -1.0),
+        has_size=False,
     ),
     Fault(
         "left torque of the wrong sign",
         ("sign_flipped",),
         "times -1",
         topics=_times("torque", _TORQUES[:1], lambda _: -1.0),
+        has_size=False,
     ),
     Fault(
         "accelerometer of the wrong sign",
         ("sign_flipped",),
         "times -1",
         topics=_times("imu", (_X,), lambda _: -1.0),
+        has_size=False,
     ),
     Fault(
         "force without its sign",
@@ -234,6 +239,7 @@ FAULTS: Final = (
         "its size alone",
         topics=_rectified,
         needs=_BOTH_WAYS,
+        has_size=False,
     ),
     Fault(
         "sides swapped",
@@ -241,6 +247,7 @@ FAULTS: Final = (
         "left is right",
         lambda _, __: {"defects": {"sides_swapped": True}},
         needs=_TURNS,
+        has_size=False,
     ),
     Fault(
         "wheels larger",
@@ -274,12 +281,14 @@ FAULTS: Final = (
         ("wrong_unit",),
         "times 3.6",
         topics=_times("speed", _SPEEDS, lambda _: 3.6),
+        has_size=False,
     ),
     Fault(
         "acceleration in g",
         ("wrong_unit",),
         "over 9.80665",
         topics=_times("imu", (_X, _Y, "specific_force_z_m_s2"), lambda _: 1.0 / 9.80665),
+        has_size=False,
     ),
     Fault("force clock jumps", ("clock_jump",), "20 ms", topics=_jumped),
     Fault(
