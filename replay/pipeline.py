@@ -176,7 +176,7 @@ def _judged(
             "segments": table,
         },
         weighing,
-        Case(evidence, aligned, noise, raw, digs, judged),
+        Case(evidence, aligned, noise, raw, digs, judged, estimates),
         withhold(everything, opinion, contradicted),
         opinion,
         stamps,

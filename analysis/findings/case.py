@@ -41,6 +41,7 @@ class Case:
         raw: stamps by topic.
         digs: where something pushes back.
         judged: the verdict.
+        estimates: by method.
         kept: what one cause found and another one needs.
     """
 
@@ -50,6 +51,7 @@ class Case:
     raw: Mapping[str, pl.DataFrame]
     digs: pl.DataFrame
     judged: pl.DataFrame
+    estimates: Mapping[str, pl.DataFrame] = field(default_factory=dict)
     kept: dict[str, object] = field(default_factory=dict)
 
     @property

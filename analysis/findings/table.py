@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from analysis.findings import imu, model, readings, residuals, signs, stamps, timing
+from analysis.findings import imu, model, readings, recursion, residuals, signs, stamps, timing
 from analysis.findings.cause import Cause
 
 #: What the fit and what it leaves show of a log whose readings or stamps are wrong.
@@ -135,7 +135,10 @@ CAUSES: Final = (
         "a channel's stamps are late or early against the others",
         f"{_START} whose force changes; {_BOTH} to tell which",
         timing.delays,
-        explains=("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
+        explains=(
+            *("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
+            *("wheel_radius", "slip", "too_little_excitation"),
+        ),
     ),
     Cause(
         "imu_low_passed",
@@ -143,7 +146,7 @@ CAUSES: Final = (
         _BOTH,
         imu.low_passed,
         withholds=True,
-        explains=("wheel_radius", "slip", "delay"),
+        explains=("wheel_radius", "slip", "delay", "too_little_excitation"),
     ),
     Cause(
         "wheel_radius",
@@ -217,6 +220,12 @@ CAUSES: Final = (
         model.too_little,
         withholds=True,
         explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
+    ),
+    Cause(
+        "wind_up",
+        "a recursion forgets the mass while nothing tells of it",
+        "a method that forgets, and windows at steady speed that the gate accepts",
+        recursion.wind_up,
     ),
     Cause(
         "collinear",

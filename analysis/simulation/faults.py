@@ -207,6 +207,12 @@ _BOTH_WAYS: Final = {"starts": {"directions": "alternating"}}
 _THROTTLES: Final = {"starts": {"throttle_least": 0.4}}
 _TURNS: Final = {"starts": {"turn_rad_s": 0.04, "scrub_N_s_rad": 0.0}}
 _BRAKES_SEEN: Final = {"campaign": {"brake_measured_share": 1.0}}
+_UNGATED: Final = (
+    "settings.gate.threshold_nat=-100.0",
+    "settings.gate.condition_max=1e12",
+    "settings.gate.noise_share_max=1e9",
+    'settings.trace.methods=["pooled", "rls"]',
+)
 _INCLUDED: Final = ("settings.gate.exclude_braking=false",)
 
 FAULTS: Final = (
@@ -382,6 +388,14 @@ FAULTS: Final = (
                 "vibration_bandwidth_hz": 1.0,
             }
         },
+    ),
+    Fault(
+        "a recursion ungated",
+        ("wind_up",),
+        "60 s at steady speed",
+        lambda _, __: {"campaign": {"cruise_s": 60.0, "runs": 5}},
+        overrides=_UNGATED,
+        has_size=False,
     ),
     Fault("weak starts", ("too_little_excitation",), "5 % of the throttle", _little),
 )
