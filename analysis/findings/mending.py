@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.evidence import Bools
 from analysis.findings.case import Case
 from analysis.findings.cause import Change
 from analysis.weighing.equation import Equation, begins
@@ -23,6 +24,9 @@ _OF_REPLAY: Final = 0.5
 _OF_SIZE: Final = 0.05
 _ROUNDS: Final = 3
 
+#: What is left of starts that were cut is not what they were, to this share of the change.
+_CUT: Final = 0.5
+
 #: Stretches of a log that are fitted once more.
 _TRIED: Final = 48
 #: Fewer samples are not fitted.
@@ -30,6 +34,30 @@ _FEWEST: Final = 200
 _SHORTEST: Final = 20
 
 Mend = Callable[[Equation], Equation]
+
+
+def left_out(case: Case, rows: Bools) -> Change | None:
+    """Fit once more without samples, which leaves some starts as another answer would have them.
+
+    Args:
+        case: the log.
+        rows: (n,) grid samples that say nothing.
+    """
+    return anew(case, lambda motion: motion.without(rows), _CUT)
+
+
+def anew(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
+    """Fit once more where the answer as it is says little of what a replay will say.
+
+    Args:
+        case: the log.
+        mend: makes the motion as it would be.
+        relative_u: as of `mended`.
+    """
+    change = mended(case, mend, relative_u)
+    if change is None or case.fit is None:
+        return None
+    return Change(change.kg, float(np.hypot(change.u_kg, case.fit.u_kg)))
 
 
 def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:

@@ -15,7 +15,7 @@ from analysis.units import to_si
 from analysis.weighing.equation import Equation
 
 #: So many deviations a term of the fit must be from 0.
-_TERM: Final = 3.3
+_TERM: Final = 3.45
 #: No accelerometer's scale is trusted to less.
 _LEAST_GAIN: Final = 0.002
 #: Nor Coulomb friction to a smaller share of the largest force.
@@ -142,6 +142,7 @@ def coulomb(case: Case) -> list[Sign]:
     force = pick.value * way
     prior = "direction_share" if motion.both_ways else "const_share"
     share = max(getattr(case.machine.settings.priors, prior), force / motion.largest_force)
+    others = _others(pick)
     seen = constants(case)
     unknown = () if np.isfinite(seen.rest_N[0]) else ("offset",)
     return [
@@ -150,14 +151,25 @@ def coulomb(case: Case) -> list[Sign]:
             f"{force:.0f} ± {pick.std:.0f} N oppose the motion at any speed",
             setting=f"settings.forces.coulomb, settings.priors.{prior}",
             value=f"true, {share:.3f}",
-            change=lambda: mended(
-                case,
-                lambda motion: replace(motion, force=motion.force - force * motion.direction),
-                min(pick.std / force, 1.0),
-            ),
-            alternatives=tuple(dict.fromkeys((*_others(pick), *unknown))),
+            change=lambda: _without_friction(case, force, pick.std, others),
+            alternatives=tuple(dict.fromkeys((*others, *unknown))),
         )
     ]
+
+
+def _without_friction(
+    case: Case, force: float, std: float, others: tuple[str, ...]
+) -> Change | None:
+    """What the mass would be without Coulomb friction, or whichever of the others it is."""
+    change = mended(
+        case,
+        lambda motion: replace(motion, force=motion.force - force * motion.direction),
+        min(std / force, 1.0),
+    )
+    weighing = case.evidence.weighing
+    if change is None or weighing is None or "braking_inside" not in others:
+        return change
+    return Change(change.kg, float(np.hypot(change.u_kg, weighing.braking_kg)))
 
 
 def _none(case: Case) -> Change | None:

@@ -8,9 +8,8 @@ import numpy as np
 from analysis.diagnosis.evidence import Bools
 from analysis.diagnosis.signals import Floats, Ints
 from analysis.findings.case import Case
-from analysis.findings.cause import Sign
-from analysis.findings.mending import mended
-from analysis.weighing.equation import Equation
+from analysis.findings.cause import Change, Sign
+from analysis.findings.mending import left_out
 from analysis.windows import windows_with
 
 #: A channel that repeats itself for so long, all in all, counts.
@@ -20,8 +19,6 @@ _FEWEST_RUN: Final = 5
 _USUAL: Final = 0.02
 #: Share of the readings that pile up at an extreme.
 _CLIPPED: Final = 0.001
-#: What is left of starts that were cut is not what they were, to this share of the change.
-_CUT: Final = 0.5
 #: Share of moving readings that repeat the one before: noise is below the resolution.
 _REPEATS: Final = 0.1
 #: Share of the steps that are multiples of the least one; fewer steps tell nothing.
@@ -65,7 +62,7 @@ def frozen(case: Case) -> list[Sign]:
             "others change",
             channel=name,
             span_ns=case.since_start(*spans[0]),
-            change=lambda: mended(case, lambda motion: motion.without(holds), _CUT),
+            change=lambda: left_out(case, holds),
         )
     ]
 
@@ -111,9 +108,11 @@ def saturated(case: Case) -> list[Sign]:
     count = sum(1 for each, _ in signals.clipped.values() if each > 0.0)
     limit_N = 0.98 * at * max(count, 1)
 
-    def cut(motion: Equation) -> Equation:
-        near = np.abs(motion.force) > limit_N
-        return motion.without(windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
+    def cut() -> Change | None:
+        if case.fit is None:
+            return None
+        near = np.abs(case.fit.motion.force) > limit_N
+        return left_out(case, windows_with(near, 5) | windows_with(near[::-1], 5)[::-1])
 
     return [
         Sign(
@@ -122,7 +121,7 @@ def saturated(case: Case) -> list[Sign]:
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
-            change=lambda: mended(case, cut, _CUT),
+            change=cut,
         )
     ]
 
@@ -197,9 +196,7 @@ def spikes(case: Case) -> list[Sign]:
                 f"{each.ratio:.0f} deviations",
                 channel=name,
                 span_ns=case.since_start(int(each.unix_ns[0]), int(each.unix_ns[-1])),
-                change=lambda near=each.near: mended(
-                    case, lambda motion: motion.without(near), _CUT
-                ),
+                change=lambda near=each.near: left_out(case, near),
             )
             for name, each in _spikes(case).items()
         ]

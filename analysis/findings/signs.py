@@ -8,7 +8,7 @@ import numpy as np
 from analysis.diagnosis.evidence import Floats
 from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
-from analysis.findings.mending import mended
+from analysis.findings.mending import anew, mended
 from analysis.findings.share_seen import share_seen
 from analysis.schema import values
 from analysis.weighing.equation import Equation
@@ -81,7 +81,7 @@ def _axis_flipped(case: Case) -> list[Sign]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: mended(case, lambda motion: _turned(motion, names[0]), 0.05),
+            change=lambda: anew(case, lambda motion: _turned(motion, names[0]), 0.05),
         )
     ]
 
@@ -220,7 +220,7 @@ def _of_speed(case: Case) -> list[Sign]:
                 channel=names[0],
                 setting=setting,
                 value=value,
-                change=lambda names=names, times=times: mended(
+                change=lambda names=names, times=times: anew(
                     case, lambda motion: _times(motion, names[0], times), 0.05
                 ),
             )
@@ -255,7 +255,7 @@ def _of_force(case: Case) -> list[Sign]:
             channel=names[0],
             setting=setting,
             value=value,
-            change=lambda: mended(case, lambda motion: _times(motion, names[0], 1.0 / near), 0.05),
+            change=lambda: anew(case, lambda motion: _times(motion, names[0], 1.0 / near), 0.05),
         )
     ]
 

@@ -194,7 +194,10 @@ CAUSES: Final = (
         "the driveline or the frame swings",
         f"{_STILL}, and {_START}",
         residuals.resonance,
-        explains=("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
+        explains=(
+            *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
+            *("delay", "slip", "wheel_radius"),
+        ),
     ),
     Cause(
         "heteroscedastic",

@@ -11,7 +11,7 @@ from analysis.findings.mending import mended
 from analysis.findings.motions import moved
 
 #: Likelihood gains are this times the square root's limit.
-_LIMIT: Final = 3.3
+_LIMIT: Final = 3.45
 #: No stamps are trusted to less.
 _LEAST_S: Final = 0.002
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
