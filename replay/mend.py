@@ -1,8 +1,8 @@
 """A machine file mended by what a log shows: one proposal at a time, each tried by a replay.
 
-A proposal is kept where the log then still weighs, no longer shows that cause, and is known no
-worse. The next one is taken from what the log shows after it: what one cause explains is gone with
-it.
+A proposal is kept where the log then still weighs, no longer shows that cause (or shows less of it,
+and the mass moved as claimed), and is known no worse. The next one is taken from what the log shows
+after it: what one cause explains is gone with it, and is not mended while that cause stands.
 """
 
 import math
@@ -28,6 +28,8 @@ from replay.readers import Log, open_log
 _MOST: Final = 8
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
 _WIDER: Final = 1.05
+#: A mass moved as claimed is so many standard uncertainties from that, and a claim so many from 0.
+_COVERAGE: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,15 +137,26 @@ def _text(file: Path) -> str:
 
 
 def _next(tried: _Tried) -> Finding | None:
-    """The likeliest cause that has a proposal which pays and was not tried."""
+    """The likeliest cause that has a proposal, was not tried, and stands behind none that was."""
+    # the table brings all that looks for causes
+    from analysis.findings import CAUSES
+
+    shown = findings_of(tried.run)
+    explains = {cause.key: cause.explains for cause in CAUSES}
+    stand = {each.cause for each in shown if _key(each) in tried.seen}
+    behind = {cause for each in stand for cause in explains.get(each, ())}
     return next(
         (
             each
-            for each in findings_of(tried.run)
-            if (each.cause, each.channel) not in tried.seen and proposals(each)
+            for each in shown
+            if _key(each) not in tried.seen and each.cause not in behind and proposals(each)
         ),
         None,
     )
+
+
+def _key(finding: Finding) -> tuple[str, str | None]:
+    return finding.cause, finding.channel
 
 
 def _try(
@@ -154,7 +167,7 @@ def _try(
 ) -> None:
     """Replay with a proposal, and keep it or take it back."""
     log, source, file, trial = of
-    tried.seen.add((finding.cause, finding.channel))
+    tried.seen.add(_key(finding))
     changes = proposals(finding)
     keys = {each.key for each in (*tried.changes, *changes)}
     overrides = [each for each in source.overrides if each.partition("=")[0].strip() not in keys]
@@ -179,14 +192,28 @@ def _worse(before: Run, after: Run, finding: Finding) -> str:
     was, now = answer(before), answer(after)
     if was.verdict.can_weigh and not now.verdict.can_weigh:
         return "the log could no longer weigh"
-    still = {(each.cause, each.channel) for each in findings_of(after)}
-    if (finding.cause, finding.channel) in still:
+    still = next((each for each in findings_of(after) if _key(each) == _key(finding)), None)
+    if still is not None and not (
+        still.strength_1 < finding.strength_1 and _as_claimed(was, now, finding)
+    ):
         return "the log still shows it"
     if finding.severity == "withhold" or not was.verdict.can_weigh:
         return ""
     if finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
         return "the uncertainty would grow"
     return ""
+
+
+def _as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
+    """Whether the masses moved by what the finding claims, and by more than nothing."""
+    claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
+    if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:
+        return False
+    if len(was.loads) != len(now.loads):
+        return False
+    masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(was.loads, now.loads, strict=True)]
+    moved = [b - a for a, b in masses if a is not None and b is not None]
+    return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
 
 
 def _u_kg(said: Answer) -> float:
