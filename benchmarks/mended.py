@@ -4,8 +4,8 @@
                                    [--json FILE] [--read FILE] [--write]
 
 A log is simulated twice, without a fault and with one of the size that bends the mass by ten
-standard deviations (or of the size 3, where size bends no mass), written as a bag, and mended from
-the file by what it shows, as the command does it. `--json` keeps every log as a line, `--read` makes
+standard deviations (or of the size 3, where size bends no mass), written as a bag, and mended by
+what it shows, as the command does it. `--json` keeps every log as a line, `--read` makes
 the table of them, `--write` puts it into docs/explaining.md.
 """
 
