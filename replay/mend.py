@@ -2,7 +2,7 @@
 
 A proposal is kept where the log then still weighs, no longer shows that cause (or shows less of it,
 and the mass moved as claimed), and is known no worse. The next one is taken from what the log shows
-after it: what one cause explains is gone with it, and is not mended while that cause stands.
+after it: what one cause explains is gone with it, and is not mended while that cause stays.
 """
 
 import math
@@ -16,7 +16,7 @@ from analysis.answer import Answer, answer
 from analysis.explaining import Finding
 from analysis.run import Run
 from estimators.errors import DataError, MachineError
-from recordings.finding_text import findings_of
+from recordings.finding_text import findings_of, name_of
 from recordings.output import whole_file
 from replay.machine_file import load_machine, machine_path, time_axis
 from replay.mended_file import Proposal, mended, proposals
@@ -47,7 +47,7 @@ class MachineText:
 
 @dataclass(frozen=True, slots=True)
 class TakenBack:
-    """A proposal that was tried and does not pay.
+    """A proposal that was tried and does not pay, or was not tried.
 
     Attributes:
         proposal: its first key.
@@ -65,7 +65,7 @@ class Mended:
     Attributes:
         path: of the file; None where nothing pays, so that none was written.
         changes: what was written into it.
-        taken_back: what was tried and left out.
+        taken_back: what was left out.
         before: the answer without.
         after: the answer of a replay with it.
         left: what the log then still shows.
@@ -122,6 +122,12 @@ def mend(
             if finding is None:
                 break
             _try(tried, finding, (log, source, file, trial), on_stage)
+    behind = _behind(tried)
+    tried.taken_back += [
+        TakenBack(proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays")
+        for each in _untried(tried)
+        if each.cause in behind
+    ]
     if not tried.changes:
         return _outcome(None, tried, before)
     with whole_file(output[0], force=output[1]) as partial:
@@ -137,22 +143,35 @@ def _text(file: Path) -> str:
 
 
 def _next(tried: _Tried) -> Finding | None:
-    """The likeliest cause that has a proposal, was not tried, and stands behind none that was."""
+    """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
+    return next((each for each in _untried(tried) if each.cause not in _behind(tried)), None)
+
+
+def _untried(tried: _Tried) -> list[Finding]:
+    """Findings with a proposal that was not tried."""
+    shown = findings_of(tried.run)
+    return [each for each in shown if _key(each) not in tried.seen and proposals(each)]
+
+
+def _behind(tried: _Tried) -> dict[str, str]:
+    """Causes that may be seen where another one is that stays, and that one.
+
+    Those under which no mass is worth anything are not among them: nothing is lost by a trial.
+    """
     # the table brings all that looks for causes
     from analysis.findings import CAUSES
 
     shown = findings_of(tried.run)
-    explains = {cause.key: cause.explains for cause in CAUSES}
-    stand = {each.cause for each in shown if _key(each) in tried.seen}
-    behind = {cause for each in stand for cause in explains.get(each, ())}
-    return next(
-        (
-            each
-            for each in shown
-            if _key(each) not in tried.seen and each.cause not in behind and proposals(each)
-        ),
-        None,
-    )
+    untried = {_key(each) for each in _untried(tried)}
+    stays = {each.cause for each in shown if _key(each) not in untried}
+    grave = {each.cause for each in shown if each.severity == "withhold"}
+    return {
+        behind: cause.key
+        for cause in CAUSES
+        if cause.key in stays
+        for behind in cause.explains
+        if behind not in grave
+    }
 
 
 def _key(finding: Finding) -> tuple[str, str | None]:
