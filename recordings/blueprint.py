@@ -20,7 +20,13 @@ if TYPE_CHECKING:
     from rerun.blueprint.encodings import VisualizerComponentMapping
     from rerun.encodings import EntityPathLike
 
-_LANE_SHARE: Final = 0.9
+#: The height of a page in points of a laptop's screen, and what lanes need of it: title and times,
+#: and each.
+_PAGE: Final = 860.0
+_AROUND_LANES: Final = 70.0
+_LANE: Final = 40.0
+#: Lanes take no more of a page than this.
+_MOST_LANES: Final = 0.6
 #: Room for legends behind the log, as a share of it; a panel beside a text is narrower.
 _ROOM: Final = 0.18
 _BESIDE: Final = 0.25
@@ -41,11 +47,11 @@ class Panel:
         return self.kind is not Kind.STATES and sum(not each.faint for each in self.drawn) > 1
 
     @property
-    def share(self) -> float:
-        """Its height, where that of a plot is 1."""
+    def lanes_share(self) -> float:
+        """What its lanes need of the height of a page; 0 of a plot."""
         if self.kind is not Kind.STATES:
-            return 1.0
-        return max(_LANE_SHARE, 0.4 * len(self.drawn))
+            return 0.0
+        return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,20 +136,28 @@ def _tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container
     beside = bool(page.texts)
     room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
     plots: list[rrb.View] = [_view(panel, _axis(span, room), under) for panel in page.panels]
-    shares = [panel.share for panel in page.panels]
+    shares = _shares(page)
     documents = [
         rrb.TextDocumentView(origin=text_entity(name, under), name=name.capitalize())
         for name in page.texts
     ]
     if page.events:
         plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
-        shares.append(1.0)
     if plots and documents:
         column = rrb.Vertical(*plots, row_shares=shares)
         return rrb.Horizontal(*documents, column, column_shares=[2, 3], name=page.name)
     if plots:
         return rrb.Vertical(*plots, row_shares=shares, name=page.name)
     return rrb.Horizontal(*documents, name=page.name) if documents else None
+
+
+def _shares(page: Page) -> list[float]:
+    """Heights of a page's panels, and of its events: lanes as they need, the others alike."""
+    needed = [panel.lanes_share for panel in page.panels] + [0.0] * page.events
+    shrunk = min(1.0, _MOST_LANES / (sum(needed) or 1.0))
+    others = sum(each == 0.0 for each in needed)
+    left = (1.0 - shrunk * sum(needed)) / max(others, 1)
+    return [shrunk * each or left for each in needed]
 
 
 def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
