@@ -4,9 +4,10 @@
                                    [--json FILE] [--read FILE] [--write]
 
 A log is simulated twice, without a fault and with one of the size that bends the mass by ten
-standard deviations (or of the size 3, where size bends no mass), written as a bag, and mended by
-what it shows, as the command does it. `--json` keeps every log as a line, `--read` makes
-the table of them, `--write` puts it into docs/explaining.md.
+standard deviations (the answer's or the paper's pooled one, whichever more; or of the size 3, where
+size bends no mass), written as a bag, and mended by what it shows, as the command does it. `--json`
+keeps every log as a line, `--read` makes the table of them, `--write` puts it into
+docs/explaining.md.
 """
 
 import json
@@ -199,7 +200,7 @@ def rms(errors_1: Sequence[float]) -> float:
 
 
 def table(trials: Sequence[MendedTrial]) -> str:
-    """A row a fault: r.m.s. errors over the logs that have all three masses."""
+    """A row a fault: r.m.s. errors over the logs, each over those that have that mass."""
     head = [
         "fault",
         "logs",
@@ -250,12 +251,12 @@ def measured(
             if time.monotonic() - began > 60.0 * minutes:
                 return
             try:
-                trial = trial_of(BY_NAME[name], seed)
+                made = trial_of(BY_NAME[name], seed)
             except (PayscopeError, ArithmeticError, LookupError, ValueError):
                 yield f"{name}, seed {seed}: {traceback.format_exc()[-900:]}"
             else:
-                if trial is not None:
-                    yield trial
+                if made is not None:
+                    yield made
 
 
 def _read(paths: Sequence[Path]) -> list[MendedTrial]:
