@@ -1,6 +1,6 @@
 """Whether a machine file that `explain --apply` mended gives the mass back.
 
-    python -P benchmarks/mended.py [--seeds 12] [--first 1300000] [--faults NAME …] [--minutes 60]
+    python -P benchmarks/mended.py [--seeds 16] [--first 1300000] [--faults NAME …] [--minutes 60]
                                    [--json FILE] [--read FILE] [--write]
 
 A log is simulated twice, without a fault and with one of the size that bends the mass by ten
@@ -265,7 +265,7 @@ def _read(paths: Sequence[Path]) -> list[MendedTrial]:
 
 
 def main(
-    seeds: int = 12,
+    seeds: int = 16,
     first: int = 1_300_000,
     faults: Annotated[list[str] | None, typer.Option()] = None,
     minutes: float = 600.0,
