@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
+.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings mended shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -79,6 +79,9 @@ gates: $(TEST_STAMP) ## the three gates compared, into the documentation (fiftee
 
 honesty: $(TEST_STAMP) ## whether the answer's interval holds on machines unlike the model, into the documentation (an hour)
 	$(BIN)/python -P benchmarks/honesty.py --write
+
+mended: $(TEST_STAMP) ## whether a machine file mended by `explain --apply` gives the mass back, into the documentation (ten minutes)
+	$(BIN)/python -P benchmarks/mended.py --write
 
 findings: $(TEST_STAMP) ## whether findings name the fault that was put into a log, into the documentation (two hours)
 	$(BIN)/python -P benchmarks/findings.py --write

@@ -20,7 +20,13 @@ if TYPE_CHECKING:
     from rerun.blueprint.encodings import VisualizerComponentMapping
     from rerun.encodings import EntityPathLike
 
-_LANE_SHARE: Final = 0.9
+#: The height of a page in points of a laptop's screen, and what lanes need of it: title and times,
+#: and each.
+_PAGE: Final = 860.0
+_AROUND_LANES: Final = 70.0
+_LANE: Final = 40.0
+#: Lanes take no more of a page than this.
+_MOST_LANES: Final = 0.6
 #: Room for legends behind the log, as a share of it; a panel beside a text is narrower.
 _ROOM: Final = 0.18
 _BESIDE: Final = 0.25
@@ -41,11 +47,11 @@ class Panel:
         return self.kind is not Kind.STATES and sum(not each.faint for each in self.drawn) > 1
 
     @property
-    def share(self) -> float:
-        """Its height, where that of a plot is 1."""
+    def lanes_share(self) -> float:
+        """What its lanes need of the height of a page; 0 of a plot."""
         if self.kind is not Kind.STATES:
-            return 1.0
-        return max(_LANE_SHARE, 0.4 * len(self.drawn))
+            return 0.0
+        return (_AROUND_LANES + _LANE * len(self.drawn)) / _PAGE
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +64,13 @@ class Page:
     events: bool = False
 
 
-def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
+def blueprint(run: Run, shown: Mapping[str, pl.DataFrame], under: str = "") -> "rrb.Blueprint":
     """Lay out a run in tabs, the overview first, with the whole log in view and time paused.
 
     Args:
         run: the run.
         shown: its `display_frames`.
+        under: the entity that all of it lies under; empty: none.
     """
     written = texts(run)
     pages = [
@@ -81,7 +88,7 @@ def blueprint(run: Run, shown: Mapping[str, pl.DataFrame]) -> "rrb.Blueprint":
         # what is not there needs no signals beside it
         if not tab.events or findings_of(run)
     ]
-    return laid_out(pages, unix_span_ns(run))
+    return laid_out(pages, unix_span_ns(run), under)
 
 
 def unix_span_ns(run: Run) -> tuple[int, int] | None:
@@ -90,16 +97,19 @@ def unix_span_ns(run: Run) -> tuple[int, int] | None:
     return None if span is None else (span[0] + t0_ns, span[1] + t0_ns)
 
 
-def laid_out(pages: Sequence[Page], span: tuple[int, int] | None) -> "rrb.Blueprint":
+def laid_out(
+    pages: Sequence[Page], span: tuple[int, int] | None, under: str = ""
+) -> "rrb.Blueprint":
     """Lay out pages as tabs, the first one open; an empty one is left out.
 
     Args:
         pages: the pages.
         span: unix times in ns that are in view; None: all there is.
+        under: the entity that all of it lies under; empty: none.
     """
     import rerun.blueprint as rrb
 
-    tabs = [tab for page in pages if (tab := _tab(page, span)) is not None]
+    tabs = [tab for page in pages if (tab := _tab(page, span, under)) is not None]
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0, name="payscope"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="paused"),
@@ -110,36 +120,44 @@ def laid_out(pages: Sequence[Page], span: tuple[int, int] | None) -> "rrb.Bluepr
     )
 
 
-def text_entity(name: str) -> str:
+def text_entity(name: str, under: str = "") -> str:
     """Where a text lies."""
-    return entity_path(f"{ROOT}/text/{name}")
+    return entity_path(f"{ROOT}/text/{name}", under)
 
 
-def events_entity() -> str:
+def events_entity(under: str = "") -> str:
     """Where events lie."""
-    return entity_path(f"{ROOT}/events")
+    return entity_path(f"{ROOT}/events", under)
 
 
-def _tab(page: Page, span: tuple[int, int] | None) -> "rrb.Container | None":
+def _tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container | None":
     import rerun.blueprint as rrb
 
     beside = bool(page.texts)
     room = (_BESIDE if beside else _ROOM) if any(p.has_legend for p in page.panels) else 0.0
-    plots: list[rrb.View] = [_view(panel, _axis(span, room)) for panel in page.panels]
-    shares = [panel.share for panel in page.panels]
+    plots: list[rrb.View] = [_view(panel, _axis(span, room), under) for panel in page.panels]
+    shares = _shares(page)
     documents = [
-        rrb.TextDocumentView(origin=text_entity(name), name=name.capitalize())
+        rrb.TextDocumentView(origin=text_entity(name, under), name=name.capitalize())
         for name in page.texts
     ]
     if page.events:
-        plots.append(rrb.TextLogView(origin=events_entity(), name="Events"))
-        shares.append(1.0)
+        plots.append(rrb.TextLogView(origin=events_entity(under), name="Events"))
     if plots and documents:
         column = rrb.Vertical(*plots, row_shares=shares)
         return rrb.Horizontal(*documents, column, column_shares=[2, 3], name=page.name)
     if plots:
         return rrb.Vertical(*plots, row_shares=shares, name=page.name)
     return rrb.Horizontal(*documents, name=page.name) if documents else None
+
+
+def _shares(page: Page) -> list[float]:
+    """Heights of a page's panels, and of its events: lanes as they need, the others alike."""
+    needed = [panel.lanes_share for panel in page.panels] + [0.0] * page.events
+    shrunk = min(1.0, _MOST_LANES / (sum(needed) or 1.0))
+    others = sum(each == 0.0 for each in needed)
+    left = (1.0 - shrunk * sum(needed)) / max(others, 1)
+    return [shrunk * each or left for each in needed]
 
 
 def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
@@ -158,12 +176,14 @@ def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":
     return rrb.TimeAxis(view_range=TimeRange(start=ends[0], end=ends[1]))
 
 
-def _view(panel: Panel, axis: "rrb.TimeAxis") -> "rrb.View":
+def _view(panel: Panel, axis: "rrb.TimeAxis", under: str) -> "rrb.View":
     import rerun.blueprint as rrb
 
     overrides: dict[EntityPathLike, list[Visualizer]] = {}
     for each in panel.drawn:
-        overrides.setdefault(entity_path(each.frame), []).extend(_visualizers(panel.kind, each))
+        overrides.setdefault(entity_path(each.frame, under), []).extend(
+            _visualizers(panel.kind, each)
+        )
     contents = [str(entity) for entity in overrides]
     if panel.kind is Kind.STATES:
         return rrb.StateTimelineView(

@@ -13,6 +13,8 @@ from recordings.picture import legend_above
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Rows = NDArray[np.float64]
+
 _NS: Final = 1e9
 _POINTS: Final = 3000
 _SMALL: Final = 8
@@ -84,35 +86,51 @@ def _running_means(axes: "Axes", run: Run) -> list[float]:
     if frame is None:
         return []
     known = frame.filter(pl.col("mass_kg").is_not_null() & (pl.col("mass_std_kg") > 0.0))
-    found: list[float] = []
-    label: str | None = "mean of the manoeuvres so far ± 2σ"
+    parts: list[Rows] = []
     for _, rows in known.group_by("load_id", maintain_order=True):
         mass, std = (_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
         weight = np.cumsum(std**-2.0)
         mean = np.cumsum(mass * std**-2.0) / weight
-        bars = 2.0 / np.sqrt(weight)
         at_s = rows["end_t_ns"].to_numpy() / _NS
-        axes.errorbar(at_s, mean, yerr=bars, fmt="o-", ms=3, lw=0.8, color="#0b3d5c", label=label)
-        label = None
-        found += [*(mean - bars), *(mean + bars)]
-    return found
+        # no line from one load to the next
+        parts += [np.array([at_s, mean, 2.0 / np.sqrt(weight)]), np.full((3, 1), np.nan)]
+    if not parts:
+        return []
+    at_s, mean, bars = np.concatenate(parts, axis=1)
+    many = known["load_id"].n_unique() > _LOADS
+    axes.errorbar(
+        *(at_s, mean, bars),
+        fmt="o-",
+        ms=1.5 if many else 3,
+        lw=0.8,
+        elinewidth=0.4 if many else 0.8,
+        color="#0b3d5c",
+        label="mean of the manoeuvres so far ± 2σ",
+    )
+    return [*(mean - bars), *(mean + bars)]
 
 
 def _answers(axes: "Axes", run: Run) -> list[float]:
     loads = run.frames.get("loads")
     if loads is None:
         return []
-    found: list[float] = []
-    label: str | None = "the answer ± 2u"
-    for row in loads.drop_nulls(["mass_kg", "u_kg"]).iter_rows(named=True):
-        span = [row["start_t_ns"] / _NS, row["end_t_ns"] / _NS]
-        low, high = row["mass_kg"] - 2 * row["u_kg"], row["mass_kg"] + 2 * row["u_kg"]
-        axes.fill_between(span, low, high, color="black", alpha=0.12, lw=0)
-        axes.plot(span, [row["mass_kg"]] * 2, color="black", lw=1.2, label=label)
-        label = None
-        found += [low, high]
-    return found
+    known = loads.drop_nulls(["mass_kg", "u_kg"])
+    if not known.height:
+        return []
+    starts, ends, mass, u = (
+        _numbers(known[name]) for name in ("start_t_ns", "end_t_ns", "mass_kg", "u_kg")
+    )
+    nothing = np.full(mass.size, np.nan)
+    # one artist for all loads: a shift has hundreds
+    t_s = np.column_stack([starts / _NS, ends / _NS, nothing]).ravel()
+    low, middle, high = (
+        np.column_stack([each, each, nothing]).ravel()
+        for each in (mass - 2.0 * u, mass, mass + 2.0 * u)
+    )
+    axes.fill_between(t_s, low, high, color="black", alpha=0.12, lw=0)
+    axes.plot(t_s, middle, color="black", lw=1.2, label="the answer ± 2u")
+    return [*low, *high]
 
 
-def _numbers(series: pl.Series) -> NDArray[np.float64]:
+def _numbers(series: pl.Series) -> Rows:
     return series.cast(pl.Float64).fill_null(float("nan")).to_numpy()

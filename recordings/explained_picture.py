@@ -4,6 +4,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
 import polars as pl
 
 from analysis.explaining import Explanation
@@ -94,12 +95,17 @@ def _around(run: Run, at_s: float) -> Run:
     """The samples around a moment; frames without samples whole."""
     begin, end = (round((at_s + way * _AROUND_S) * _NS) for way in (-1, 1))
     frames = {
-        name: frame.filter(pl.col("t_ns").is_between(begin, end))
-        if "t_ns" in frame.columns
-        else frame
+        name: _between(frame, begin, end) if "t_ns" in frame.columns else frame
         for name, frame in run.frames.items()
     }
     return Run(frames, run.provenance)
+
+
+def _between(frame: pl.DataFrame, begin: int, end: int) -> pl.DataFrame:
+    """The samples of a stretch: they are in order, and a shift has millions."""
+    t = frame["t_ns"].to_numpy()
+    first, last = np.searchsorted(t, begin, "left"), np.searchsorted(t, end, "right")
+    return frame.slice(int(first), int(last - first))
 
 
 def _load_at(run: Run, at_s: float | None) -> Run:
@@ -118,5 +124,5 @@ def _load_at(run: Run, at_s: float | None) -> Run:
         frames["manoeuvres"] = frames["manoeuvres"].filter(pl.col("load_id") == load_id)
     for name, frame in run.frames.items():
         if name.startswith("estimates/"):
-            frames[name] = frame.filter(pl.col("t_ns").is_between(begin, end))
+            frames[name] = _between(frame, begin, end)
     return Run(frames, run.provenance)

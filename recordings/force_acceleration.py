@@ -14,7 +14,8 @@ from recordings.wording import plus_minus
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_NEEDED: Final = ("force_x_N", "regressor_acc_x_m_s2", "speed_x_m_s")
+_X: Final = "regressor_acc_x_m_s2"
+_NEEDED: Final = ("force_x_N", _X, "speed_x_m_s")
 #: More points than this are drawn as a density.
 _POINTS: Final = 20_000
 _GRID: Final = 90
@@ -42,17 +43,27 @@ def draw_force_acceleration(axes: "Axes", run: Run, at_s: float | None = None) -
     loads = _lines(run, at_s)
     friction = next((row["friction_x_N_s_m"] for row in loads), None)
     coulomb = _coulomb(run) if friction is not None else 0.0
-    moving = pl.col("phase") != "standstill"
     y = pl.col("force_x_N") - (friction or 0.0) * pl.col("speed_x_m_s")
-    points = points.with_columns(y=y - coulomb * pl.col("direction_x_1"))
-    counts = points.filter(~pl.col("used") & moving)["reason"].value_counts(sort=True)
-    named = [str(reason) for reason in counts["reason"].head(_REASONS)]
-    rest = ~pl.col("used") & ~(moving & pl.col("reason").is_in(named))
-    groups = [("other" if named else "not used", points.filter(rest), colours.OTHER)]
-    for reason in named:
-        chosen = points.filter(~pl.col("used") & moving & (pl.col("reason") == reason))
-        groups.append((reason.replace("_", " "), chosen, colours.STATES.get(reason, colours.OTHER)))
-    groups.append(("accepted", points.filter("used"), _ACCEPTED))
+    # a shift has millions of rows: no more columns than are drawn
+    points = points.select(
+        "t_ns",
+        _X,
+        (y - coulomb * pl.col("direction_x_1")).alias("y"),
+        "used",
+        pl.when(~pl.col("used") & (pl.col("phase") != "standstill")).then("reason").alias("why"),
+    )
+    counts = points["why"].drop_nulls().value_counts(sort=True)
+    named = [str(reason) for reason in counts["why"].head(_REASONS)]
+    drawn = points.select(_X, "y")
+    chosen = {reason: (points["why"] == reason).fill_null(value=False) for reason in named}
+    rest = ~points["used"]
+    for each in chosen.values():
+        rest &= ~each
+    groups = [("other" if named else "not used", drawn.filter(rest), colours.OTHER)]
+    for reason, rows in chosen.items():
+        colour = colours.STATES.get(reason, colours.OTHER)
+        groups.append((reason.replace("_", " "), drawn.filter(rows), colour))
+    groups.append(("accepted", drawn.filter(points["used"]), _ACCEPTED))
     for label, group, colour in groups:
         if group.height:
             _cloud(axes, group, colour, f"{label} ({group.height / points.height:.0%})")
@@ -76,7 +87,7 @@ def _points(run: Run) -> pl.DataFrame | None:
     if excitation is None or any(name not in excitation.columns for name in _NEEDED):
         return None
     columns = [name for name in (*_NEEDED, "direction_x_1") if name in excitation.columns]
-    points = excitation.select("t_ns", *columns, pl.col("phase").cast(pl.String))
+    points = excitation.select("t_ns", *columns, "phase")
     if "direction_x_1" not in columns:
         points = points.with_columns(direction_x_1=pl.col("speed_x_m_s").sign())
     if gate is None or gate.height != excitation.height or "accepted_x" not in gate.columns:
@@ -84,9 +95,7 @@ def _points(run: Run) -> pl.DataFrame | None:
     else:
         window = run.provenance.settings.gate.window_samples
         used = samples_of(gate["accepted_x"].fill_null(value=False).to_numpy(), window)
-        points = points.with_columns(
-            pl.Series("used", used), gate["reason_x"].cast(pl.String).alias("reason")
-        )
+        points = points.with_columns(pl.Series("used", used), gate["reason_x"].alias("reason"))
     return points.drop_nulls(list(_NEEDED)).with_columns(pl.col("direction_x_1").fill_null(0.0))
 
 
@@ -116,7 +125,7 @@ def _coulomb(run: Run) -> float:
 
 
 def _cloud(axes: "Axes", group: pl.DataFrame, colour: str, label: str) -> None:
-    x, y = group["regressor_acc_x_m_s2"].to_numpy(), group["y"].to_numpy()
+    x, y = group[_X].to_numpy(), group["y"].to_numpy()
     if group.height <= _POINTS:
         axes.plot(x, y, ".", ms=4, color=colour, alpha=0.5, mew=0, label=label)
         return
@@ -145,7 +154,7 @@ def _ring(axes: "Axes", run: Run, points: pl.DataFrame, at_s: float | None) -> N
     window = points.filter(pl.col("t_ns").is_between(end - length, end, closed="right"))
     if window.height:
         axes.plot(
-            window["regressor_acc_x_m_s2"].to_numpy(),
+            window[_X].to_numpy(),
             window["y"].to_numpy(),
             "-",
             color="black",

@@ -7,7 +7,8 @@ standard output. Nothing is kept: frames are only drawn.
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
@@ -19,6 +20,9 @@ from recordings.drawn_rows import drawn_rows
 from recordings.table import SINCE_START, TIME, Kind
 from recordings.writer import Scene, scene_of, send_events
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 #: A topic of more rows is drawn by the mean and the extremes of bins.
 _ROWS: Final = 200_000
 _BINS: Final = 20_000
@@ -26,29 +30,50 @@ _BINS: Final = 20_000
 _TABS: Final = 14
 _PANELS: Final = 8
 _TEXT: Final = "log"
+#: Timelines that Rerun fills by itself.
+_OF_RERUN: Final = ("log_time", "log_tick")
+
+
+class TimelineKind(StrEnum):
+    """How a timeline counts."""
+
+    SEQUENCE = "sequence"
+    DURATION = "duration"
+    TIMESTAMP = "timestamp"
 
 
 @dataclass(frozen=True, slots=True)
-class ViewerIds:
-    """What the viewer calls the recording that it waits for."""
+class ViewerAsks:
+    """What whoever opens a log asks of the recording that it waits for.
+
+    Attributes:
+        application: its id.
+        recording: likewise.
+        under: the entity that everything is to lie under, as Rerun spells it; empty: none.
+        at: where everything is to lie on further timelines: name, kind, and number or ns.
+    """
 
     application: str
     recording: str | None = None
+    under: str = ""
+    at: tuple[tuple[str, TimelineKind, int], ...] = ()
 
 
-def stream_run(run: Run, ids: ViewerIds) -> None:
+def stream_run(run: Run, asks: ViewerAsks) -> None:
     """Write what `write_recording` draws of a run to standard output, for the viewer."""
-    _stream(scene_of(run), ids, run.provenance.t0_unix_ns)
+    _stream(scene_of(run, asks.under), asks, run.provenance.t0_unix_ns)
 
 
-def stream_topics(topics: Mapping[str, pl.DataFrame], text: str, name: str, ids: ViewerIds) -> None:
+def stream_topics(
+    topics: Mapping[str, pl.DataFrame], text: str, name: str, asks: ViewerAsks
+) -> None:
     """Write the columns of a log as they are to standard output, a tab a topic.
 
     Args:
         topics: by name: unix_ns and fields; those that are no numbers are left out.
         text: what the viewer should say of the log, in Markdown.
         name: of the log.
-        ids: as the viewer named them.
+        asks: of the viewer.
     """
     stamps = [frame["unix_ns"] for frame in topics.values() if frame.height]
     t0_ns = min((int(each[0]) for each in stamps), default=0)
@@ -65,7 +90,7 @@ def stream_topics(topics: Mapping[str, pl.DataFrame], text: str, name: str, ids:
         if len(pages) <= _TABS:
             pages.append(Page(topic, tuple(_panels(entity, fields, shown[entity]))))
     span = (t0_ns, end_ns) if stamps else None
-    _stream(Scene(name, shown, laid_out(pages, span), {_TEXT: text}), ids, t0_ns)
+    _stream(Scene(name, shown, laid_out(pages, span, asks.under), {_TEXT: text}), asks, t0_ns)
 
 
 def _thinned(frame: pl.DataFrame, fields: Sequence[str], t0_ns: int) -> pl.DataFrame:
@@ -109,22 +134,41 @@ def _panels(entity: str, fields: Sequence[str], shown: pl.DataFrame) -> list[Pan
     return panels
 
 
-def _stream(scene: Scene, ids: ViewerIds, t0_unix_ns: int) -> None:
+def _stream(scene: Scene, asks: ViewerAsks, t0_unix_ns: int) -> None:
     # whatever Rerun would log stays out of the viewer's own log
     os.environ.setdefault("RUST_LOG", "off")
     import rerun as rr
 
-    recording = rr.RecordingStream(ids.application, recording_id=ids.recording)
+    recording = rr.RecordingStream(asks.application, recording_id=asks.recording)
     recording.stdout()
-    recording.send_blueprint(scene.layout, make_active=True, make_default=True)
-    recording.send_recording_name(scene.name)
-    recording.send_recording_start_time_nanos(t0_unix_ns)
+    # what is put under an entity joins a scene of somebody else
+    recording.send_blueprint(scene.layout, make_active=not asks.under, make_default=True)
+    if not asks.under:
+        recording.send_recording_name(scene.name)
+        recording.send_recording_start_time_nanos(t0_unix_ns)
     for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        recording.log(text_entity(name), document, static=True)
-    send_events(recording, scene, t0_unix_ns)
+        recording.log(text_entity(name, asks.under), document, static=True)
+    send_events(recording, scene, t0_unix_ns, asks.under)
+    at = _times(asks)
     for name, frame in scene.shown.items():
-        for batch in drawn_rows(name, frame, t0_unix_ns):
-            recording.send_record_batch(batch, index=[TIME, SINCE_START])
+        for batch in drawn_rows(name, frame, t0_unix_ns, asks.under, at):
+            recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])
     recording.flush()
     recording.disconnect()
+
+
+def _times(asks: ViewerAsks) -> "dict[str, pa.Scalar]":
+    """Further timelines of every row, without those that rows have by themselves."""
+    import pyarrow as pa
+
+    types = {
+        TimelineKind.SEQUENCE: pa.int64(),
+        TimelineKind.DURATION: pa.duration("ns"),
+        TimelineKind.TIMESTAMP: pa.timestamp("ns"),
+    }
+    return {
+        name: pa.scalar(number, types[kind])
+        for name, kind, number in asks.at
+        if name not in (TIME, SINCE_START, *_OF_RERUN)
+    }

@@ -14,7 +14,7 @@ from analysis.overlay import difference, in_time_of
 from analysis.run import Run
 from recordings import colours
 from recordings.blueprint import Page, Panel, laid_out, unix_span_ns
-from recordings.display import LANES, ROOT, Drawn, axis_range, display_frames, drawn_of
+from recordings.display import ROOT, Drawn, axis_range, display_frames, drawn_of
 from recordings.table import TABS, Kind, View
 from recordings.writer import Scene, write_scene
 
@@ -22,6 +22,8 @@ from recordings.writer import Scene, write_scene
 COMPARED: Final = "compared"
 _A, _B, _LESS = "A", "B", "B_less_A"
 _CONTEXT: Final = ("Speed",)
+#: Views that differ and are all on the first page.
+_FEW: Final = 3
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,14 @@ def write_overlay(
 def _pages(a: _Side, b: _Side, less: _Side) -> list[Page]:
     first, *rest = [tab for tab in TABS if tab.views]
     panels: list[Panel | None] = []
+    elsewhere = {view for tab in rest for view in tab.views}
+    moved = [view for view in first.views if _differs(view, a, b)]
     for view in first.views:
-        if _differs(view, a, b):
+        if view in moved:
+            # beside a text there is room for a few; what led to the masses is in other tabs
+            led = view.kind is Kind.LINES and view.name not in _CONTEXT and view in elsewhere
+            if led and len(moved) > _FEW:
+                continue
             panels.append(_over(view, a, b))
             if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
                 panels.append(_difference(view, less))
@@ -89,12 +97,15 @@ def _pages(a: _Side, b: _Side, less: _Side) -> list[Page]:
             panels.append(_alone(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
     for tab in rest:
-        found = [
-            panel
+        differ = [
+            view
             for view in tab.views
             if not (view.kind is Kind.STATES and view in first.views) and _differs(view, a, b)
-            for panel in (_over(view, a, b), _difference(view, less))
         ]
+        # the speed alone says nothing of what the tab is about
+        if all(view.name in _CONTEXT for view in differ):
+            continue
+        found = [panel for view in differ for panel in (_over(view, a, b), _difference(view, less))]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
@@ -175,7 +186,5 @@ def _looks(drawn: Sequence[Drawn], side: str, *, lone: bool) -> list[Drawn]:
 
 
 def _under(side: str, frame: str) -> str:
-    """`display/gate` as `A/gate`; a lane of states by its label, which the viewer shows."""
-    if frame.startswith(f"{LANES}/"):
-        return f"{side}/{frame.removeprefix(f'{LANES}/')}_{side}"
+    """`display/gate` as `A/gate`, and its lane `display/states/gate` as `A/states/gate`."""
     return f"{side}/{frame.removeprefix(f'{ROOT}/')}"

@@ -165,8 +165,10 @@ class Manifest(BaseModel):
         return next((frame for frame in self.frames if frame.name == name), None)
 
 
-def entity_path(frame: str) -> str:
-    """The entity path of a frame, as Rerun spells it."""
+def entity_path(frame: str, under: str = "") -> str:
+    """The entity path of a frame, as Rerun spells it, under one that is spelt so already."""
     import rerun as rr
 
-    return rr.new_entity_path(list(entity_parts(frame)))
+    prefix = under.strip("/")
+    path = rr.new_entity_path(list(entity_parts(frame)))
+    return f"/{prefix}{path}" if prefix else path

@@ -443,7 +443,7 @@ def frames_of(series: Series, frames: Iterable[str]) -> tuple[str, ...]:
 def drawn_columns(frame: str, columns: Iterable[str]) -> tuple[str, ...]:
     """The columns of a frame that a view draws, with those that place and order its rows."""
     family = entity_parts(frame)[0]
-    wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind"} | {
+    wanted = {"t_ns", "start_t_ns", "end_t_ns", "axis", "kind", "rank"} | {
         name
         for tab in TABS
         for view in tab.views

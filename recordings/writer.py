@@ -93,8 +93,8 @@ class Scene:
     """`t_ns`, a line, and whether it is a warning."""
 
 
-def scene_of(run: Run) -> Scene:
-    """A run by the table of views."""
+def scene_of(run: Run, under: str = "") -> Scene:
+    """A run by the table of views, laid out under an entity."""
     shown = display_frames(run)
     name = recording_name(run.provenance)
     begin = (span_ns(run) or (0, 0))[0]
@@ -106,7 +106,7 @@ def scene_of(run: Run) -> Scene:
         )
         for each in findings_of(run)
     )
-    return Scene(name, shown, blueprint(run, shown), texts(run), tuple(events))
+    return Scene(name, shown, blueprint(run, shown, under), texts(run), tuple(events))
 
 
 def write_scene(
@@ -193,8 +193,10 @@ def _write(
     recording.disconnect()
 
 
-def send_events(recording: "RecordingStream", scene: Scene, t0_unix_ns: int) -> None:
-    """Send the events of a scene, on both timelines."""
+def send_events(
+    recording: "RecordingStream", scene: Scene, t0_unix_ns: int, under: str = ""
+) -> None:
+    """Send the events of a scene, on both timelines, under an entity."""
     import numpy as np
     import rerun as rr
 
@@ -204,7 +206,7 @@ def send_events(recording: "RecordingStream", scene: Scene, t0_unix_ns: int) -> 
     since_start = np.array(t_ns, np.int64)
     levels = [rr.TextLogLevel.WARN if each else rr.TextLogLevel.INFO for each in warn]
     recording.send_columns(
-        events_entity(),
+        events_entity(under),
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),

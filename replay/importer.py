@@ -8,7 +8,7 @@ import polars as pl
 
 from analysis.stamps import place
 from estimators.errors import LogError, PayscopeError, counted, one_line
-from recordings.imported import ViewerIds, stream_run, stream_topics
+from recordings.imported import ViewerAsks, stream_run, stream_topics
 from replay.importer_files import VARIABLE, machine_of
 from replay.machine_file import load_machine, machine_path, time_axis
 from replay.pipeline import run
@@ -20,12 +20,12 @@ _ELEMENTS: Final = 12
 _LEFT_OUT: Final = ("header.", "covariance")
 
 
-def import_log(log: Path, ids: ViewerIds) -> str | None:
+def import_log(log: Path, asks: ViewerAsks) -> str | None:
     """Write a log to standard output as the viewer reads it.
 
     Args:
         log: a path that `is_ours`.
-        ids: as the viewer named them.
+        asks: of the viewer.
 
     Returns:
         Why it is shown without a replay, where its machine file does not fit.
@@ -43,11 +43,11 @@ def import_log(log: Path, ids: ViewerIds) -> str | None:
         except PayscopeError as error:
             fault = one_line(str(error))
         else:
-            stream_run(replayed, ids)
+            stream_run(replayed, asks)
             return None
     with open_log(log) as opened:
         topics = dict(_columns(opened))
-        stream_topics(topics, _said(opened, machine_file, fault), log.name, ids)
+        stream_topics(topics, _said(opened, machine_file, fault), log.name, asks)
     return fault
 
 

@@ -1,8 +1,8 @@
 """A machine file mended by what a log shows: one proposal at a time, each tried by a replay.
 
-A proposal is kept where the log then still weighs, no longer shows that cause, and is known no
-worse. The next one is taken from what the log shows after it: what one cause explains is gone with
-it.
+A proposal is kept where the log then still weighs, no longer shows that cause (or shows less of it,
+and the mass moved as claimed), and is known no worse. The next one is taken from what the log shows
+after it: what one cause explains is gone with it, and is not mended while that cause stays.
 """
 
 import math
@@ -16,7 +16,7 @@ from analysis.answer import Answer, answer
 from analysis.explaining import Finding
 from analysis.run import Run
 from estimators.errors import DataError, MachineError
-from recordings.finding_text import findings_of
+from recordings.finding_text import findings_of, name_of
 from recordings.output import whole_file
 from replay.machine_file import load_machine, machine_path, time_axis
 from replay.mended_file import Proposal, mended, proposals
@@ -28,6 +28,8 @@ from replay.readers import Log, open_log
 _MOST: Final = 8
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
 _WIDER: Final = 1.05
+#: A mass moved as claimed is so many standard uncertainties from that, and a claim so many from 0.
+_COVERAGE: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ class MachineText:
 
 @dataclass(frozen=True, slots=True)
 class TakenBack:
-    """A proposal that was tried and does not pay.
+    """A proposal that was tried and does not pay, or was not tried.
 
     Attributes:
         proposal: its first key.
@@ -63,7 +65,7 @@ class Mended:
     Attributes:
         path: of the file; None where nothing pays, so that none was written.
         changes: what was written into it.
-        taken_back: what was tried and left out.
+        taken_back: what was left out.
         before: the answer without.
         after: the answer of a replay with it.
         left: what the log then still shows.
@@ -120,6 +122,12 @@ def mend(
             if finding is None:
                 break
             _try(tried, finding, (log, source, file, trial), on_stage)
+    behind = _behind(tried)
+    tried.taken_back += [
+        TakenBack(proposals(each)[0], f"{name_of(behind[each.cause])} explains it, and stays")
+        for each in _untried(tried)
+        if each.cause in behind
+    ]
     if not tried.changes:
         return _outcome(None, tried, before)
     with whole_file(output[0], force=output[1]) as partial:
@@ -135,15 +143,39 @@ def _text(file: Path) -> str:
 
 
 def _next(tried: _Tried) -> Finding | None:
-    """The likeliest cause that has a proposal which pays and was not tried."""
-    return next(
-        (
-            each
-            for each in findings_of(tried.run)
-            if (each.cause, each.channel) not in tried.seen and proposals(each)
-        ),
-        None,
-    )
+    """The likeliest cause that has a proposal, was not tried, and stands behind none that stays."""
+    return next((each for each in _untried(tried) if each.cause not in _behind(tried)), None)
+
+
+def _untried(tried: _Tried) -> list[Finding]:
+    """Findings with a proposal that was not tried."""
+    shown = findings_of(tried.run)
+    return [each for each in shown if _key(each) not in tried.seen and proposals(each)]
+
+
+def _behind(tried: _Tried) -> dict[str, str]:
+    """Causes that may be seen where another one is that stays, and that one.
+
+    Those under which no mass is worth anything are not among them: nothing is lost by a trial.
+    """
+    # the table brings all that looks for causes
+    from analysis.findings import CAUSES
+
+    shown = findings_of(tried.run)
+    untried = {_key(each) for each in _untried(tried)}
+    stays = {each.cause for each in shown if _key(each) not in untried}
+    grave = {each.cause for each in shown if each.severity == "withhold"}
+    return {
+        behind: cause.key
+        for cause in CAUSES
+        if cause.key in stays
+        for behind in cause.explains
+        if behind not in grave
+    }
+
+
+def _key(finding: Finding) -> tuple[str, str | None]:
+    return finding.cause, finding.channel
 
 
 def _try(
@@ -154,7 +186,7 @@ def _try(
 ) -> None:
     """Replay with a proposal, and keep it or take it back."""
     log, source, file, trial = of
-    tried.seen.add((finding.cause, finding.channel))
+    tried.seen.add(_key(finding))
     changes = proposals(finding)
     keys = {each.key for each in (*tried.changes, *changes)}
     overrides = [each for each in source.overrides if each.partition("=")[0].strip() not in keys]
@@ -179,14 +211,28 @@ def _worse(before: Run, after: Run, finding: Finding) -> str:
     was, now = answer(before), answer(after)
     if was.verdict.can_weigh and not now.verdict.can_weigh:
         return "the log could no longer weigh"
-    still = {(each.cause, each.channel) for each in findings_of(after)}
-    if (finding.cause, finding.channel) in still:
+    still = next((each for each in findings_of(after) if _key(each) == _key(finding)), None)
+    if still is not None and not (
+        still.strength_1 < finding.strength_1 and _as_claimed(was, now, finding)
+    ):
         return "the log still shows it"
     if finding.severity == "withhold" or not was.verdict.can_weigh:
         return ""
     if finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
         return "the uncertainty would grow"
     return ""
+
+
+def _as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:
+    """Whether the masses moved by what the finding claims, and by more than nothing."""
+    claimed, u_kg = finding.mass_change_kg, finding.mass_change_u_kg
+    if claimed is None or u_kg is None or abs(claimed) <= _COVERAGE * u_kg:
+        return False
+    if len(was.loads) != len(now.loads):
+        return False
+    masses = [(a["mass_kg"], b["mass_kg"]) for a, b in zip(was.loads, now.loads, strict=True)]
+    moved = [b - a for a, b in masses if a is not None and b is not None]
+    return bool(moved) and abs(sum(moved) / len(moved) - claimed) <= _COVERAGE * u_kg
 
 
 def _u_kg(said: Answer) -> float:

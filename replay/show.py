@@ -1,5 +1,6 @@
 """The command `show`: a stage of a recording, between two seconds of the run."""
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -79,9 +80,7 @@ class Stage:
         """
         if start_s is None and end_s is None:
             return self
-        column = self.time_column
-        if column is None:
-            raise RecordingError(f"{self.recording}: stage '{self.name}' has no time to cut by")
+        column = self._time_to_cut_by()
         seconds = self._since_start_ns(column) / 1e9
         rows = self.rows
         if start_s is not None:
@@ -89,6 +88,24 @@ class Stage:
         if end_s is not None:
             rows = rows.filter(seconds <= end_s)
         return replace(self, rows=rows)
+
+    def at(self, second: float) -> Self:
+        """The rows that held at a second of the run: those whose span has it in it, or the last.
+
+        Raises:
+            RecordingError: the stage has no time, or that is no second.
+        """
+        if not math.isfinite(second):
+            raise RecordingError(f"--at {second}: is no time; name seconds since the start")
+        column = self._time_to_cut_by()
+        begin = self._since_start_ns(column) / 1e9
+        if "end_t_ns" in self.rows.columns:
+            # without a begin or an end it is of the whole log
+            inside = (begin <= second).fill_null(True) & (
+                pl.col("end_t_ns") / 1e9 >= second
+            ).fill_null(True)
+            return replace(self, rows=self.rows.filter(inside))
+        return replace(self, rows=self.rows.filter(begin <= second).sort(column).tail(1))
 
     def readable(self) -> pl.DataFrame:
         """The rows with times as a person reads them: seconds, and local where they are dates."""
@@ -103,6 +120,12 @@ class Stage:
         utc = pl.from_epoch(since_ns + self.t0_unix_ns, time_unit="ns").dt.replace_time_zone("UTC")
         local = utc.dt.convert_time_zone(self.timezone).dt.strftime("%F %T%.3f")
         return self.rows.select(local.alias(f"local ({self.timezone})"), seconds, rest)
+
+    def _time_to_cut_by(self) -> str:
+        column = self.time_column
+        if column is None:
+            raise RecordingError(f"{self.recording}: stage '{self.name}' has no time to cut by")
+        return column
 
     def _since_start_ns(self, column: str) -> pl.Expr:
         return pl.col(column) - (self.t0_unix_ns if column == "log_time_ns" else 0)

@@ -7,10 +7,15 @@ recording from standard output, and takes the exit status 66 for "not mine".
 import argparse
 import sys
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from recordings.imported import ViewerAsks
 
 #: The viewer's own number.
 NOT_MINE: Final = 66
+#: Times have 64 bits.
+_LARGEST: Final = 1 << 63
 
 
 def main() -> None:
@@ -22,12 +27,10 @@ def main() -> None:
     if not is_ours(asked.path):
         sys.exit(NOT_MINE)
     from estimators.errors import PayscopeError, one_line
-    from recordings.imported import ViewerIds
     from replay.importer import import_log
 
-    ids = ViewerIds(asked.application_id or asked.path.stem or "payscope", asked.recording_id)
     try:
-        fault = import_log(asked.path, ids)
+        fault = import_log(asked.path, _asks(asked))
     except PayscopeError as error:
         sys.stderr.write(f"payscope: {one_line(str(error))}\n")
         sys.exit(2)
@@ -35,8 +38,32 @@ def main() -> None:
         sys.stderr.write(f"payscope: shown without a replay: {fault}\n")
 
 
+def _asks(asked: argparse.Namespace) -> "ViewerAsks":
+    """What the viewer asks for; a time that is none is left out, as in Rerun's own importers."""
+    from recordings.imported import TimelineKind, ViewerAsks
+
+    times: list[tuple[str, TimelineKind, int]] = []
+    for kind, option in (
+        (TimelineKind.SEQUENCE, asked.time_sequence),
+        (TimelineKind.DURATION, asked.time_duration_nanos),
+        (TimelineKind.TIMESTAMP, asked.time_timestamp_nanos),
+    ):
+        for text in option:
+            name, _, number = text.rpartition("=")
+            try:
+                time = int(number)
+            except ValueError:
+                continue
+            if name and -_LARGEST <= time < _LARGEST:
+                times.append((name, kind, time))
+    application = asked.application_id or asked.path.stem or "payscope"
+    return ViewerAsks(application, asked.recording_id, asked.entity_path_prefix, tuple(times))
+
+
 def _parser() -> argparse.ArgumentParser:
+    # with abbreviations, an option of an older viewer (--time) would be one of several
     parser = argparse.ArgumentParser(
+        allow_abbrev=False,
         prog="rerun-importer-payscope",
         description="Importer of the Rerun viewer for robots' logs (.bag, .db3, .csv; .mcap and "
         ".parquet with a machine file beside them).",
@@ -44,4 +71,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("path", type=Path, help="the file or folder that the viewer opens")
     parser.add_argument("--application-id", help="of the recording that the viewer waits for")
     parser.add_argument("--recording-id", help="likewise")
+    parser.add_argument("--entity-path-prefix", default="", help="of everything that is shown")
+    for kind in ("sequence", "duration_nanos", "timestamp_nanos"):
+        parser.add_argument(
+            f"--time_{kind}",
+            action="append",
+            default=[],
+            metavar="TIMELINE=TIME",
+            help="where everything lies on a further timeline; repeatable",
+        )
     return parser

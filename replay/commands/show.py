@@ -31,6 +31,10 @@ def command(
         typer.Option("--from", help="First second to print, from the start of the run."),
     ] = None,
     end_s: Annotated[float | None, typer.Option("--to", help="Last second to print.")] = None,
+    at_s: Annotated[
+        float | None,
+        typer.Option("--at", help="Print what held at this second: its last row, or its spans."),
+    ] = None,
     output_format: Annotated[
         FrameFormat | None,
         typer.Option("--format", help="Default: by the suffix of -o, or a table."),
@@ -47,11 +51,14 @@ def command(
     if stage is not None:
         wanted = output_format and output_format.value
         asked = asked_calibration(calibration, key, signed=require_signed)
-        _show_stage((recording, stage, asked), (start_s, end_s), wanted, output, force=force)
+        if at_s is not None and (start_s, end_s) != (None, None):
+            raise typer.BadParameter("--at is one moment, --from and --to are a range; take one")
+        seconds = (start_s, end_s) if at_s is None else at_s
+        _show_stage((recording, stage, asked), seconds, wanted, output, force=force)
     elif calibration is not None:
         raise typer.BadParameter("--calibration is for stage loads; name it")
-    elif (start_s, end_s, output) != (None, None, None):
-        raise typer.BadParameter("--from, --to and -o are for a stage; name one")
+    elif (start_s, end_s, at_s, output) != (None, None, None, None):
+        raise typer.BadParameter("--from, --to, --at and -o are for a stage; name one")
     elif output_format not in (None, FrameFormat.table, FrameFormat.json):
         raise typer.BadParameter("stages are listed as table or json; name one to print it")
     else:
@@ -85,13 +92,13 @@ def _list_stages(recording: Path, *, as_json: bool) -> None:
 
 def _show_stage(
     asked: "tuple[Path, str, AskedCalibration | None]",
-    seconds: tuple[float | None, float | None],
+    seconds: tuple[float | None, float | None] | float,
     output_format: str | None,
     output: Path | None,
     *,
     force: bool,
 ) -> None:
-    """Print the rows of one stage from one second to another, or write them to `output`."""
+    """Print the rows of one stage from one second to another, or at one, or write them."""
     from recordings.output import check_output, keep_apart
     from replay.commands.frame_output import format_of, frame_text, print_frame
     from replay.show import Stage
@@ -104,7 +111,7 @@ def _show_stage(
     stage = Stage.read(recording, name)
     if calibration is not None:
         stage = stage.calibrated(calibration)
-    stage = stage.between(*seconds)
+    stage = stage.between(*seconds) if isinstance(seconds, tuple) else stage.at(seconds)
     if output is None and output_format == "table":
         rows = stage.readable()
         typer.echo(frame_text(rows, _ROWS_SHOWN), nl=False)

@@ -8,9 +8,9 @@ import pytest
 
 from analysis import Run
 from recordings import write_recording
-from recordings.blueprint import blueprint
-from recordings.display import display_frames
-from recordings.table import TABS
+from recordings.blueprint import Page, Panel, _shares, blueprint
+from recordings.display import Drawn, display_frames
+from recordings.table import TABS, Kind
 
 
 def _components(path: Path) -> dict[tuple[str, str], pa.DataType]:
@@ -73,6 +73,25 @@ def _view_names(container) -> list[str]:
 def _tabs(run: Run) -> dict[str, list[str]]:
     root = blueprint(run, display_frames(run)).root_container
     return {tab.name: _view_names(tab) for tab in root.contents}
+
+
+@pytest.mark.parametrize("plots", [0, 1, 4, 7])
+@pytest.mark.parametrize("lanes", [(1,), (2,), (4,), (6,), (2, 4), (12,)])
+def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
+    plots: int, lanes: tuple[int, ...]
+) -> None:
+    def panel(kind: Kind, count: int) -> Panel:
+        return Panel("any", kind, (Drawn("frame", "column", "label", "#000000"),) * count)
+
+    states = tuple(panel(Kind.STATES, count) for count in lanes)
+    shares = _shares(Page("page", (*states, *(panel(Kind.LINES, 1) for _ in range(plots)))))
+    assert len(shares) == len(lanes) + plots
+    assert sum(shares) <= 1.0 + 1e-9
+    # of a window of 1000 points, 900 are a page's; a title and the times take 65, a lane 40
+    if sum(lanes) <= 10:
+        for share, count in zip(shares, lanes, strict=False):
+            assert 900.0 * share >= 65.0 + 40.0 * count
+    assert sum(shares[len(lanes) :]) == pytest.approx(1.0 - sum(shares[: len(lanes)])) or not plots
 
 
 def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):

@@ -56,6 +56,33 @@ class TestShow:
         for words in (["--from", 1], ["-o", recording.with_name("a.csv")], ["--format", "csv"]):
             one_line(payscope("show", recording, *words), "name one")
 
+    def test_a_moment_is_its_last_row_or_the_spans_that_hold_it(
+        self, payscope: Payscope, recording: Path
+    ) -> None:
+        def rows(stage: str, *words: object) -> list[dict[str, object]]:
+            said = payscope("show", recording, stage, *words, "--format", "json")
+            assert said.status == 0, said
+            return json.loads(said.out)
+
+        frames = read_recording(recording).frames
+        gate = frames["gate"].filter(pl.col("t_ns") <= 20_004_000_000).tail(1)
+        assert [row["t_ns"] for row in rows("gate", "--at", 20.004)] == gate["t_ns"].to_list()
+        (axis,) = rows("raw/table", "--at", 20.004)
+        assert axis == rows("raw/table", "--to", 20.004)[-1]
+        spans = frames["manoeuvres"].select("start_t_ns", "end_t_ns").rows()
+        begin, end = (each / 1e9 for each in spans[1])
+        (held,) = rows("manoeuvres", "--at", (begin + end) / 2.0)
+        assert (held["start_t_ns"], held["end_t_ns"]) == spans[1]
+        assert rows("manoeuvres", "--at", begin - 1e-6) == []
+
+    def test_a_moment_is_no_range_and_needs_a_time(
+        self, payscope: Payscope, recording: Path
+    ) -> None:
+        one_line(payscope("show", recording, "gate", "--at", 2, "--from", 1), "take one")
+        one_line(payscope("show", recording, "gate", "--at", "nan"), "is no time")
+        one_line(payscope("show", recording, "masses", "--at", 2), "no time to cut by")
+        one_line(payscope("show", recording, "--at", 2), "name one")
+
     def test_a_joints_name_in_a_column_is_no_markup(
         self, payscope: Payscope, machine_file: Path, tmp_path: Path
     ) -> None:

@@ -142,6 +142,20 @@ def test_a_recording_of_both_is_written_beside_what_is_printed(
     one_line(payscope("compare", a, b, "-o", tmp_path / "ab.mcap"), ".rrd")
 
 
+def test_a_recording_of_both_shows_what_only_one_of_them_found(
+    payscope: Payscope, recorded, tmp_path: Path
+) -> None:
+    import rerun as rr
+
+    a, late = recorded("a.rrd"), recorded("late.rrd", "--set", "channels.force_x_N.delay_s=0.05")
+    assert read_recording(late).frames["findings"]["cause"].to_list() == ["delay"]
+    both = tmp_path / "ab.rrd"
+    assert payscope("compare", a, late, "-o", both).status == 1
+    drawn = {chunk.entity_path for chunk in rr.chunk.RrdReader(both).store().stream()}
+    assert {"/A/states/gate", "/B/states/gate", "/B/states/finding"} <= drawn
+    assert "/A/states/finding" not in drawn
+
+
 class TestRefused:
     """Nothing on stdout, one line on stderr, exit status 2."""
 

@@ -96,34 +96,56 @@ def test_a_delay_is_mended_to_within_a_millisecond(
     assert line.endswith("; it was 0.05")
 
 
+def with_findings(run: Run, *findings: dict[str, str]) -> Run:
+    """The run with findings that it does not have."""
+    nothing = dict.fromkeys(run.frames["findings"].columns)
+    rows = [
+        {
+            **nothing,
+            "rank": rank,
+            "severity": "widen",
+            "strength_1": 3.0,
+            "evidence": "a mistake",
+            "alternatives": "",
+            **finding,
+        }
+        for rank, finding in enumerate(findings, 1)
+    ]
+    wrong = conform("findings", pl.DataFrame(rows, infer_schema_length=None))
+    return Run({**run.frames, "findings": wrong}, run.provenance)
+
+
 def test_a_proposal_that_leaves_the_log_unable_to_weigh_is_taken_back(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:
     out, target = tmp_path / "out.rrd", tmp_path / "mended.toml"
     payscope("run", log, "-m", machine_file, "-o", out)
-    run = read_recording(out)
-    wrong = conform(
-        "findings",
-        pl.DataFrame(
-            {
-                **{name: [None] for name in run.frames["findings"].columns},
-                "rank": [1],
-                "cause": ["too_little_excitation"],
-                "severity": ["widen"],
-                "strength_1": [3.0],
-                "evidence": ["a mistake"],
-                "setting": ["settings.gate.threshold_nat"],
-                "value": ["50.0"],
-                "alternatives": [""],
-            }
-        ),
+    doubted = with_findings(
+        read_recording(out),
+        {"cause": "too_little_excitation", "setting": "settings.gate.threshold_nat", "value": "50"},
     )
-    doubted = Run({**run.frames, "findings": wrong}, run.provenance)
     write_recording(doubted, out, force=True)
     said = payscope("explain", out, "-m", machine_file, "--apply", "-o", target)
     assert said.status == 1, said
     assert "not settings.gate.threshold_nat (too little excitation): the log could" in said.out
     assert not target.exists()
+
+
+def test_what_a_cause_explains_that_stays_is_not_mended(
+    payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+) -> None:
+    out, target = tmp_path / "out.rrd", tmp_path / "mended.toml"
+    payscope("run", log, "-m", machine_file, "-o", out)
+    doubted = with_findings(
+        read_recording(out),
+        {"cause": "quantised"},
+        {"cause": "delay", "setting": "channels.force_x_N.delay_s", "value": "0.05"},
+    )
+    write_recording(doubted, out, force=True)
+    said = payscope("explain", out, "-m", machine_file, "--apply", "-o", target)
+    assert said.status == 1, said
+    why = "not channels.force_x_N.delay_s (delay): quantised explains it, and stays"
+    assert why in said.out.replace("\n", " ")
 
 
 def test_where_nothing_pays_no_file_is_written_and_the_status_says_so(

@@ -61,6 +61,19 @@ def bag(own_data: Path, tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    """The importer as an executable, in a folder of its own."""
+    path = tmp_path / "bin" / "rerun-importer-payscope"
+    path.parent.mkdir()
+    path.write_text(
+        f'#!/bin/sh\nPYTHONPATH="{REPO}" exec "{sys.executable}" -P -c '
+        '"import payscope; payscope.importer()" "$@"\n'
+    )
+    path.chmod(0o755)
+    return path
+
+
 def test_the_installed_command_has_the_name_that_the_viewer_looks_for() -> None:
     scripts = tomllib.loads((REPO / "pyproject.toml").read_text())["project"]["scripts"]
     assert scripts["rerun-importer-payscope"] == "payscope:importer"
@@ -118,6 +131,73 @@ def test_what_newer_viewers_may_ask_for_is_no_fault(bag: Path) -> None:
     assert left.returncode == 0
 
 
+def times(tmp_path: Path, entity: str) -> dict[str, tuple[str, set[object]]]:
+    """Type and values of the timelines of an entity of the stream that `entities` has looked at."""
+    import rerun as rr
+
+    store = rr.chunk.RrdReader(tmp_path / "stream.rrd").store()
+    batches = [chunk.to_record_batch() for chunk in store.stream() if chunk.entity_path == entity]
+    return {
+        field.name: (str(field.type), set(batches[0].column(field.name).cast("int64").to_pylist()))
+        for field in batches[0].schema
+        if (field.metadata or {}).get(b"rerun:kind") == b"index"
+    }
+
+
+ASKED = (
+    *("--entity-path-prefix", "/robots/one\\ two"),
+    *("--time_sequence", "lap=7", "--time_duration_nanos", "up=1500000000"),
+    *("--time_timestamp_nanos", "day=1700000000000000000", "--time_sequence", "nonsense"),
+    *("--time_duration_nanos", "log_time=5", "--time", "up=1500000000", "--sequence", "lap=7"),
+)
+
+
+def test_a_prefix_is_of_everything_and_a_time_of_every_row(bag: Path, tmp_path: Path) -> None:
+    left = imported(bag, *ASKED)
+    assert (left.returncode, left.stderr) == (0, b"")
+    shown = entities(left.stdout, tmp_path)
+    drawn = {entity for entity in shown if not entity.startswith("/__")}
+    assert "/robots/one\\ two/axis" in drawn
+    assert all(entity.startswith("/robots/one\\ two/") for entity in drawn)
+    found = times(tmp_path, "/robots/one\\ two/axis")
+    assert found["lap"] == ("int64", {7})
+    assert found["up"] == ("duration[ns]", {1_500_000_000})
+    assert found["day"] == ("timestamp[ns]", {1_700_000_000_000_000_000})
+    assert {"time", "t"} <= set(found)
+    assert "log_time" not in found
+
+
+def test_a_replay_lies_under_a_prefix_too(bag: Path, tmp_path: Path) -> None:
+    machine = str(REPO / "examples/linear_axis_ros.toml")
+    left = imported(bag, "--entity-path-prefix", "yard", PAYSCOPE_MACHINE=machine)
+    shown = entities(left.stdout, tmp_path)
+    assert "payscope:mass_kg" in shown["/yard/display/loads"]
+    assert "/display/loads" not in shown
+
+
+def test_the_sdk_opens_a_log_under_a_prefix_at_its_own_times(
+    script: Path, bag: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "stream.rrd"
+    opens = (
+        "import rerun, sys\n"
+        "recording = rerun.RecordingStream('mine', recording_id='rec')\n"
+        "recording.save(sys.argv[2])\n"
+        "recording.set_time('lap', sequence=7)\n"
+        "recording.log_file_from_path(sys.argv[1], entity_path_prefix='/yard')\n"
+        "recording.flush()\n"
+    )
+    subprocess.run(
+        [sys.executable, "-P", "-c", opens, str(bag), str(out)],
+        check=True,
+        env={**os.environ, "PATH": f"{script.parent}:/usr/bin:/bin"},
+        timeout=120,
+    )
+    shown = entities(out.read_bytes(), tmp_path)
+    assert "payscope:effort[slide]" in shown["/yard/axis"]
+    assert times(tmp_path, "/yard/axis")["lap"] == ("int64", {7})
+
+
 def test_a_log_that_cannot_be_read_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "torn.bag"
     path.write_bytes(b"no bag at all")
@@ -131,15 +211,8 @@ class TestViewer:
     pytestmark = VIEWER
 
     def test_the_viewer_opens_a_ros_1_bag_without_one_view_error(
-        self, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        self, script: Path, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        script = tmp_path / "bin" / "rerun-importer-payscope"
-        script.parent.mkdir()
-        script.write_text(
-            f'#!/bin/sh\nPYTHONPATH="{REPO}" exec "{sys.executable}" -P -c '
-            '"import payscope; payscope.importer()" "$@"\n'
-        )
-        script.chmod(0o755)
         # no other importer of ours, nor any else's
         monkeypatch.setenv("PATH", f"{script.parent}:/usr/bin:/bin")
         drawn = photographs(data / "logs/husky_asphalt.bag", tmp_path)

@@ -6,6 +6,7 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from benchmarks.real_faults import FAULTS, trial
 from replay import load_machine, open_log, run
 from replay.machine_file import time_axis
 
@@ -49,6 +50,45 @@ class TestLinearAxis:
         self, data: Path, override: str, cause: str
     ) -> None:
         assert cause in self.found(data, override)["cause"].to_list()[:2]
+
+
+#: Name in the benchmark, size, where it must be named at the latest, and whether it is mended.
+INJECTED = (
+    ("force times {:g}", -1.0, 1, True),
+    ("position times {:g}", -1.0, 1, True),
+    ("force {:g} ms late", 5.0, 1, True),
+    ("force {:g} ms late", 20.0, 1, True),
+    ("force {:g} ms early", 10.0, 1, True),
+    ("force {:g} ms early", 40.0, 1, True),
+    ("force times {:g}", 0.001, 2, True),
+    ("position times {:g}", 1000.0, 1, True),
+    ("40 spikes of {:g} N", 200.0, 1, False),
+    ("force frozen, 3 times {:g} s", 0.5, 1, False),
+    ("force clipped at {:.0%}", 0.9, 1, False),
+    ("3 gaps of {:g} s", 0.2, 1, False),
+    ("force in steps of {:g} N", 10.0, 1, False),
+    ("position in steps of {:g} m", 1e-3, 1, False),
+    ("clock jumps by {:g} ms", 20.0, 1, False),
+)
+
+
+class TestFaultsPutIntoTheLinearAxis:
+    """A small twin of the table in docs/explaining.md."""
+
+    @pytest.mark.parametrize(("name", "size", "place", "mends"), INJECTED)
+    def test_it_is_named_and_mended_where_a_machine_file_can(
+        self, data: Path, name: str, size: float, place: int, mends: bool
+    ) -> None:
+        fault = next(each for each in FAULTS if each.name == name and size in each.sizes)
+        logs = data / "logs"
+        found = trial(fault, size, logs / "linear_axis.csv", logs / "linear_axis.bag")
+        assert found.place is not None, found
+        assert found.place <= place, found
+        # without it the mass is 94.6 kg
+        if mends:
+            assert found.mended_kg == pytest.approx(94.6, abs=1.0), found
+        else:
+            assert not found.mended, found
 
 
 class TestHusky:
