@@ -23,7 +23,7 @@ _A_CAUSE: Final = 9.0
 #: So many deviations a standing reading must be, and this size, to be one.
 DEVIATIONS: Final = 5.0
 LEAST_M_S2: Final = 0.004
-LEAST_SHARE: Final = 0.004
+LEAST_SHARE: Final = 0.002
 #: Fewer rows tell nothing.
 _FEWEST: Final = 30
 #: One that pitch vouches for is there whether driving sees it or not.

@@ -21,8 +21,15 @@ from analysis.weighing.equation import Equation
 
 #: Gains (twice the log likelihood) that differ by less are not told apart.
 APART: Final = 6.0
-#: So are those of brakes and of a constant force by less than this share.
-_OF_BRAKES: Final = 0.4
+#: Parameters below these are no causes.
+_LEAST: Final = {
+    **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},
+    "wheel_radius": 0.002,
+    "driveline": 0.01,
+    "braking": 0.002,
+}
+#: So are those of brakes and of what looks alike by less than this share.
+_OF_BRAKES: Final = 0.5
 #: A cause is taken from this gain on, and so many of them.
 _TAKEN: Final = 11.0
 _MOST: Final = 4
@@ -82,7 +89,7 @@ def _picked(case: Case) -> dict[str, Pick]:
         tried = _tried(case, motion, taken)
         if not tried:
             break
-        best = max(tried.values(), key=lambda pick: pick.gain)
+        best = _telling(tried)
         if best.gain < _TAKEN:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
@@ -103,9 +110,26 @@ def _picked(case: Case) -> dict[str, Pick]:
 
 def _apart(best: Pick, name: str) -> float:
     """Gains that differ by less are not told apart."""
-    # brakes of an unknown course, under a throttle that is held, are a constant force
-    alike = {best.name, name} in ({"braking", "const"}, {"braking", "direction"})
+    # under a throttle that is held, brakes of an unknown course are a constant force as well, or
+    # one that is not linear in the acceleration
+    pair = {best.name, name}
+    alike = "braking" in pair and pair & {"const", "direction", "driveline"}
     return max(APART, _OF_BRAKES * best.gain) if alike else APART
+
+
+def _telling(tried: Mapping[str, Pick]) -> Pick:
+    """The cause that raises the likelihood most; of its class one of a size that matters."""
+    best = max(tried.values(), key=lambda pick: pick.gain)
+    if abs(best.value) >= _LEAST.get(best.name, 0.0):
+        return best
+    others = [
+        pick
+        for pick in tried.values()
+        if best.gain - pick.gain < _apart(best, pick.name)
+        and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
+        and pick.gain >= _TAKEN
+    ]
+    return max(others, key=lambda pick: pick.gain, default=best)
 
 
 def _late(case: Case, motion: Equation) -> Pick | None:

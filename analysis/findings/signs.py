@@ -15,6 +15,8 @@ from analysis.weighing.equation import Equation
 
 #: A correlation beyond this has a sign.
 _SIGN: Final = 0.3
+#: So has a gain beyond so many of its deviations.
+_SURE_SIGN: Final = 8.0
 #: Of a force that has lost its sign, this share of so many decelerating samples opposes the motion,
 _UNSIGNED: Final = 0.1
 _BRAKES: Final = 30
@@ -60,8 +62,8 @@ def flipped(case: Case) -> list[Sign]:
 
 def _axis_flipped(case: Case) -> list[Sign]:
     of_force = case.checks.get("force_sign", np.nan)
-    gain = case.checks.get("acceleration_gain", np.nan)
-    by_imu = np.isfinite(gain) and abs(gain) > _SIGN
+    gain, std = share_seen(case) or (np.nan, np.nan)
+    by_imu = abs(gain) > _SURE_SIGN * std
     if not np.isfinite(of_force):
         return []
     names: tuple[str, ...] = ()
@@ -72,7 +74,7 @@ def _axis_flipped(case: Case) -> list[Sign]:
     if not names:
         return []
     setting, value = case.scaled(names, -1.0)
-    strength = abs(of_force if of_force < -_SIGN else gain) / _SIGN
+    strength = max(abs(of_force if of_force < -_SIGN else gain) / _SIGN, 1.0)
     return [
         Sign(
             10.0 * strength,

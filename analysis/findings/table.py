@@ -166,7 +166,7 @@ CAUSES: Final = (
         "the measured force is not in proportion to what accelerates the machine",
         "starts at different throttles",
         model.driveline,
-        explains=("heteroscedastic",),
+        explains=("heteroscedastic", "too_little_excitation"),
     ),
     Cause(
         "braking_inside",
