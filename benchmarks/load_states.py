@@ -1,23 +1,31 @@
 """Load states at manoeuvre level: changes found by their size, false changes, intervals that hold.
 
     python -P benchmarks/load_states.py [--logs 100] [--seed 77] [--write]
+    python -P benchmarks/load_states.py --whole 60 [--write]
 
 Draws what manoeuvres say of their masses instead of logs: 15 kg of noise each, stated with 10 % of
-error, scatter of 0, 1 and 3 times that, and offsets that alternating directions show.
+error, scatter of 0, 1 and 3 times that, and offsets that alternating directions show. `--whole`
+simulates and replays logs of one load instead, so many of each kind, and counts states.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 import typer
 from scipy.stats import norm
 
+from analysis.simulation import Scenario, simulate_campaign
+from analysis.simulation.designs import joined
 from analysis.weighing.states import States, found_states
+from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
+from benchmarks.weighed import machine
 from estimators.autocorrelation import student_factor
 from estimators.changepoints import Units
+from replay.memory_log import MemoryLog, reading_memory
+from replay.pipeline import run
 
 NOISE_KG: Final = 15.0
 MASS_KG: Final = 3700.0
@@ -26,6 +34,38 @@ MOST_KG: Final = 1200.0
 SCATTERS: Final = (0.0, 1.0, 3.0)
 #: Jumps in deviations of one manoeuvre, noise and scatter together.
 JUMPS: Final = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 9.0, 12.0)
+#: A boom moves at every change of load, and at so many other places.
+BOOM_MOVES: Final = 0.2
+#: States of a manoeuvre each: whether the machine file knows their scatter, whether a boom is seen
+#: to move, and whether an offset of the force may alternate with the direction.
+SINGLES: Final = {
+    "scatter known": (True, False, True),
+    "a boom moves": (False, True, True),
+    "scatter known, no offset": (True, False, False),
+}
+_BOTH_WAYS: Final = {"directions": "alternating"}
+#: Throttles from 0.7 to 1.3 times the loader's.
+_THROTTLES: Final = {
+    "campaign": {"throttle_force_N": 7800.0},
+    "starts": {"throttle_least": 0.7 / 1.3, "throttle_most": 1.0},
+}
+#: Logs of one load: what else is in each.
+ONE_LOAD: Final[dict[str, Mapping[str, Mapping[str, Any]]]] = {
+    "nothing else": {},
+    "throttle varied by ± 30 %": _THROTTLES,
+    "throttle varied by ± 30 %, both ways, slip 80 kN": {
+        **_THROTTLES,
+        "starts": {**_THROTTLES["starts"], **_BOTH_WAYS},
+        "machine": {"slip_stiffness_N": 80_000.0},
+    },
+    "300 N of offset, both ways": {"starts": _BOTH_WAYS, "sensors": {"force_bias_N": 300.0}},
+    "0.03 m/s² of bias, both ways": {"starts": _BOTH_WAYS, "sensors": {"acc_bias_m_s2": 0.03}},
+    "gain drifts by 1 %": {"defects": {"force_gain_drift": 0.01}},
+    "friction of 200 ± 30 N by start": {
+        "machine": {"coulomb_N": 200.0},
+        "starts": {"coulomb_std_N": 30.0},
+    },
+}
 
 
 @dataclass(frozen=True)
@@ -109,14 +149,28 @@ def curve(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
                     found_states(drawn.units, np.arange(drawn.state.size), None), drawn
                 )
             cells.append(f"{f1(counts):.3f}")
-        counts = np.zeros(3)
-        for _ in range(logs):
-            drawn = manoeuvres(dice, *changing(dice, jump, 0.0, 1), 0.0)
-            known = found_states(drawn.units, np.arange(drawn.state.size), 0.0)
-            counts += changes(known, drawn)
+        cells += [f"{singles(dice, jump, logs, *about):.3f}" for about in SINGLES.values()]
         # three against three, at 1 % over some thirty places
         power = norm.cdf(jump / np.sqrt(2.0 / 3.0) - norm.isf(0.005 / 30.0))
-        yield [*cells, f"{f1(counts):.3f}", f"{2.0 * power / (1.0 + power):.3f}"]
+        yield [*cells, f"{2.0 * power / (1.0 + power):.3f}"]
+
+
+def singles(
+    dice: np.random.Generator, jump: float, logs: int, known: bool, boom: bool, offset: bool
+) -> float:
+    """F1 of states of which many have one manoeuvre, which do not scatter."""
+    counts = np.zeros(3)
+    for _ in range(logs):
+        drawn = manoeuvres(dice, *changing(dice, jump, 0.0, 1), 0.0)
+        units = drawn.units
+        if boom:
+            moves = (np.diff(drawn.state) > 0) | (dice.random(units.kind.size) < BOOM_MOVES)
+            units = replace(units, kind=1 + moves.astype(np.int64))
+        if not offset:
+            units = replace(units, x=np.zeros_like(units.x))
+        found = found_states(units, np.arange(drawn.state.size), 0.0 if known else None)
+        counts += changes(found, drawn)
+    return f1(counts)
 
 
 def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
@@ -126,8 +180,10 @@ def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
         "300 N of offset, alternating": {"offset_N": 300.0},
         "drift of 1 %": {"drift_share": 0.01},
         "0.03 m/s² of bias, alternating": {"offset_N": 0.03 * MASS_KG},
+        "a boom that moves at every stand": {},
     }
     for name, more in kinds.items():
+        boom = name.startswith("a boom")
         for scatter in SCATTERS:
             if scatter and more:
                 continue
@@ -135,12 +191,35 @@ def one_state(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
             for _ in range(logs):
                 count = int(dice.integers(3, 61))
                 state, level_kg = np.zeros(count, np.int64), np.array([MASS_KG])
-                drawn = manoeuvres(dice, state, level_kg, scatter, **more)
-                found = found_states(drawn.units, np.arange(count), None)
+                units = manoeuvres(dice, state, level_kg, scatter, **more).units
+                units = replace(units, kind=units.kind + boom)
+                found = found_states(units, np.arange(count), None)
                 single += found.count == 1
                 doubted += found.other is not None
             label = f"{name}, scatter {scatter:g}"
             yield [label, f"{100 * single / logs:.1f} %", f"{100 * doubted / logs:.1f} %"]
+
+
+def whole_states(name: str, number: int) -> tuple[int, bool]:
+    """How many states a log of one load has, and whether it says that it cannot tell."""
+    starts = int(np.random.default_rng([number, 11]).integers(3, 13))
+    own = {"campaign": {"runs": starts}, "sensors": {"seed": 8_000_000 + number}}
+    scenario = Scenario.model_validate(joined(joined(LOADER, own), ONE_LOAD[name]))
+    (log,) = simulate_campaign(scenario)
+    replayed = run(MemoryLog(log), reading_memory(machine((POOLED,)), log))
+    loads = replayed.frames["loads"]
+    return loads.height, "states or scatter" in (loads["said"][0] or "")
+
+
+def whole_logs(logs: int) -> Iterator[list[str]]:
+    """A row a kind of log of one load."""
+    for name in ONE_LOAD:
+        found = [whole_states(name, number) for number in range(logs)]
+        single = sum(count == 1 for count, _ in found)
+        doubted = sum(doubt for _, doubt in found)
+        row = [name, str(logs), f"{100 * single / logs:.1f} %", f"{100 * doubted / logs:.1f} %"]
+        print(", ".join(row), flush=True)
+        yield row
 
 
 def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
@@ -175,11 +254,20 @@ def held(dice: np.random.Generator, logs: int) -> Iterator[list[str]]:
         ]
 
 
-def main(logs: int = 100, seed: int = 77, write: bool = False) -> None:
+def main(logs: int = 100, seed: int = 77, whole: int = 0, write: bool = False) -> None:
+    if whole:
+        table = markdown(["one load", "logs", "one state", "cannot tell"], list(whole_logs(whole)))
+        print(table)
+        if write:
+            put("loads.md", "whole logs of one load", table)
+        return
     dice = np.random.default_rng(seed)
     head = ["jump", *(f"found, scatter {scatter:g}" for scatter in SCATTERS)]
     tables = [
-        markdown([*head, "single starts, scatter known", "theory"], list(curve(dice, logs))),
+        markdown(
+            [*head, *(f"single starts, {name}" for name in SINGLES), "theory"],
+            list(curve(dice, logs)),
+        ),
         markdown(["no change", "one state", "cannot tell"], list(one_state(dice, 4 * logs))),
         markdown(
             ["scatter", "states", "mass held", "payload held", "r.m.s. payload error / u"],

@@ -54,6 +54,7 @@ def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles
     With a period P between dumps, hauls of D, as long as those that were seen, a hole G hides
     (G − D)/P cycles, nothing where the haul is longer; the number of whole periods in a stretch of
     chance place deviates by √(f(1−f)), f being the fraction over whole ones, and periods differ.
+    Where no haul was seen whole, nothing is priced.
 
     Args:
         cycles: the frame.
@@ -61,12 +62,12 @@ def lost_cycles(cycles: pl.DataFrame, gaps: list[tuple[int, int]]) -> LostCycles
     """
     dumps = cycles["dump_t_ns"].drop_nulls().to_numpy() / _NS
     known = cycles.filter(pl.col("counted"))["payload_kg"].to_numpy()
-    if dumps.size < _FEWEST or not known.size:
+    hauls = cycles["haul_s"].drop_nulls().to_numpy()
+    if dumps.size < _FEWEST or not known.size or not hauls.size:
         return LostCycles(0.0, 0.0, 0.0, 0.0)
     periods = np.diff(dumps)
     periods = periods[periods < _IDLES * np.median(periods)]
     period, spread = float(np.mean(periods)), float(np.std(periods))
-    hauls = cycles["haul_s"].drop_nulls().to_numpy()
     expected = variance = 0.0
     for start, end in gaps:
         hidden = float(np.mean(np.maximum((end - start) / _NS - hauls, 0.0))) / period

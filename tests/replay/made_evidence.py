@@ -8,7 +8,8 @@ from replay.verify import Verified, verify
 from tests.replay.attacker import key_files
 from tests.replay.sledge_campaign import campaign_folder
 
-#: Of the bundles beside the one that is looked at: half the replays.
+#: Of the bundle after the one that is looked at: half the replays. The one before is of the same
+#: priors, or its line says nothing of the points.
 ALIKE = "\n[method]\nlearn = false\n"
 LIMITS = '\n[decision]\naccuracy_class = "OIML R 134 10"\n'
 
@@ -24,7 +25,8 @@ class Made:
         alike.write_text(self.campaign.read_text() + ALIKE)
         self.first, self.bundle, self.third = (folder / n for n in ("first", "second", "third"))
         before: Path | None = None
-        for made, of in ((self.first, alike), (self.bundle, self.campaign), (self.third, alike)):
+        of_each = (self.campaign, self.campaign, alike)
+        for made, of in zip((self.first, self.bundle, self.third), of_each, strict=True):
             calibrate(of, made, key_file=self.private, previous=before)
             before = made
 

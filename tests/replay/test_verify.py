@@ -67,10 +67,11 @@ def test_a_check_has_line_machine_and_priors_of_what_it_is_a_check_of(made: Made
     before.document = last = document_of((made.first / EVIDENCE).read_bytes(), EVIDENCE)
     before.sums = (made.first / SUMS).read_bytes()
     own = document_of((made.bundle / EVIDENCE).read_bytes(), EVIDENCE)
-    assert own.learnt != last.learnt
+    other = document_of((made.third / EVIDENCE).read_bytes(), EVIDENCE)
+    assert other.learnt != last.learnt
     names = ("calibration", "expires", "machine", "learnt", "options")
     kept = {"kind": "check", **{name: getattr(last, name) for name in names}}
-    for more, item in (({}, None), ({"learnt": own.learnt}, f"{EVIDENCE}: learnt")):
+    for more, item in (({}, None), ({"learnt": other.learnt}, f"{EVIDENCE}: learnt")):
         checked = CheckedBundle()
         check_chain(checked, own.model_copy(update=kept | more), before)
         assert [each.item for each in checked.findings] == ([] if item is None else [item])

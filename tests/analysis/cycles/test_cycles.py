@@ -153,6 +153,12 @@ def test_a_hole_of_some_cycles_is_priced_and_a_short_one_costs_nothing() -> None
         assert lost.payload_kg == pytest.approx(700.0 * expected, abs=10.0)
 
 
+def test_where_no_haul_was_seen_whole_a_hole_has_no_price_and_no_number_is_missing() -> None:
+    frames = drawn_shift([700.0] * 6)
+    unseen = found(frames).with_columns(haul_s=pl.lit(None, pl.Float64))
+    assert lost_cycles(unseen, [(0, int(427 * NS))]) == (0.0, 0.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("payloads", "keeps"),
     [([100.0] * 10, True), ([90.0] * 9 + [115.0], True), ([90.0] * 8 + [115.0] * 2, False),

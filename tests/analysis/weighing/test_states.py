@@ -8,7 +8,10 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing import joint_fit
+from analysis.weighing.states import places
+from analysis.weighing.weigh import weigh
 from benchmarks.honesty_rows import LOADER, Task, row_log
+from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
 from replay.memory_log import MemoryLog, reading_memory
@@ -162,6 +165,31 @@ class TestRepeatability:
 def test_an_offset_in_alternating_directions_is_one_state():
     log = situation("force offset +300 N", rich=True)
     assert log.replayed.frames["loads"].height == 1
+
+
+@pytest.mark.parametrize("name", [name for name in ONE_LOAD if "throttle" in name])
+def test_throttles_that_differ_by_a_third_are_one_state(name):
+    assert whole_states(name, 0) == (1, False)
+
+
+def test_a_boom_that_moves_between_single_starts_speaks_for_a_load_each():
+    """Of the same manoeuvres, with an angle that stays and one that differs from log to log."""
+    frames = loaded([0.0, 250.0, 0.1, 250.1, 0.2], 1).frames
+    aligned, rest = frames["aligned"], [frames[name] for name in ("excitation", "gate", "noise")]
+    stands = np.diff(aligned["gap"].to_numpy().astype(int), prepend=0) > 0
+    angle = np.cumsum(stands) % 2
+    assert stands.sum() == 4
+    probable = {}
+    for raised_rad in (0.0, 1.0):
+        hinted = aligned.with_columns(boom_rad=pl.Series(raised_rad * angle))
+        found = weigh(hinted, *rest, machine(POOLED))
+        assert found is not None
+        motion, states = found.fit.motion, found.fit.states
+        assert places(motion).tolist() == [2 if raised_rad else 1] * 4
+        assert states is not None
+        probable[raised_rad] = states.single_probability
+    # so few starts do not settle it: it then says "states or scatter"
+    assert probable[1.0] < 0.5 < probable[0.0]
 
 
 def test_a_load_that_comes_and_goes_is_never_one_narrow_mass():
