@@ -15,7 +15,7 @@ from estimators.errors import DataError
 
 _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
 #: Angles and places are not in the regressor, so they are not filtered with it.
-_UNFILTERED = frozenset({"pitch_rad", "roll_rad", "boom_rad", "latitude_deg", "longitude_deg"})
+_UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 #: A cut-off above this share of a topic's rate leaves too few samples to filter.
 _HIGHEST_CUTOFF = 0.45
 

@@ -120,6 +120,7 @@ _MOTION = (
 )
 _HINTS = (
     _f("boom_rad", "rad", "boom angle, positive up"),
+    _f("bucket_rad", "rad", "bucket angle, positive curled up"),
     _f("latitude_deg", "°", "latitude"),
     _f("longitude_deg", "°", "longitude"),
 )

@@ -320,7 +320,12 @@ TABS: Final = (
             ),
             _lines("Yaw acceleration", "aligned", yaw_acc_rad_s2="yaw"),
             _lines(
-                "Angle", "aligned", pitch_rad="pitch, nose-up", roll_rad="roll", boom_rad="boom"
+                "Angle",
+                "aligned",
+                pitch_rad="pitch, nose-up",
+                roll_rad="roll",
+                boom_rad="boom",
+                bucket_rad="bucket",
             ),
         ),
     ),

@@ -43,6 +43,7 @@ _CLEAR: Final = 10
 _LEAST_GROUND: Final = 0.5
 #: Moving both ways needs this share of the samples each way.
 _BOTH_WAYS: Final = 0.1
+_ARMS: Final = ("boom_rad", "bucket_rad")
 #: Samples that are worked on together, so that they stay in the processor's cache,
 _PIECE: Final = 32_768
 #: and so long before and after them, from where a lag or a derivative may take samples.
@@ -75,7 +76,7 @@ class Equation:
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
         weight: of the machine without load, in N; of what this log says where it is not known.
-        boom: its angle in rad, where the log has it: a hint of where the load changes.
+        arms: angles of boom and bucket in rad, those that the log has: hints of a change of load.
     """
 
     acceleration: Floats
@@ -91,7 +92,7 @@ class Equation:
     by_accelerometer: bool
     force_share: float
     weight: float
-    boom: Floats | None = None
+    arms: tuple[Floats, ...] = ()
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -114,7 +115,7 @@ class Equation:
             specific_force=None if measured is None else measured[cut],
             without_gravity=None if level is None else level[cut],
             progress=self.progress[cut],
-            boom=None if self.boom is None else self.boom[cut],
+            arms=tuple(each[cut] for each in self.arms),
         )
 
     @cached_property
@@ -237,7 +238,7 @@ def equation(
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
-        values(aligned, "boom_rad") if "boom_rad" in aligned.columns else None,
+        tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
     )
 
 

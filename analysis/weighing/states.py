@@ -28,8 +28,8 @@ FEWEST_FREEDOM: Final = 4
 #: Of the two readings one is doubted when it is less probable than the first and more than this.
 _DOUBTED: Final = 0.05
 _ROUNDS: Final = 60
-#: A boom that moves by so much between two manoeuvres may have loaded or dumped.
-_BOOM_MOVES_RAD: Final = 0.15
+#: A boom or a bucket that moves by so much between two manoeuvres may have loaded or dumped.
+_ARM_MOVES_RAD: Final = 0.15
 #: Samples of a manoeuvre that tells a mass.
 _TELLS: Final = 50
 #: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
@@ -132,14 +132,15 @@ def places(motion: Equation) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
-        1 where only the masses can, 2 where the boom moved as well.
+        1 where only the masses can, 2 where the boom or the bucket moved as well.
     """
     used = np.flatnonzero(motion.used)
     next_one = np.flatnonzero(np.diff(sample_units(motion)) > 0)
-    if motion.boom is None:
-        return np.ones(next_one.size, np.int64)
     between = zip(used[next_one], used[next_one + 1], strict=True)
-    moved = [_range(motion.boom[end : begin + 1]) > _BOOM_MOVES_RAD for end, begin in between]
+    moved = [
+        any(_range(arm[end : begin + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
+        for end, begin in between
+    ]
     return 1 + np.array(moved, np.int64)
 
 

@@ -172,7 +172,8 @@ def test_throttles_that_differ_by_a_third_are_one_state(name):
     assert whole_states(name, 0) == (1, False)
 
 
-def test_a_boom_that_moves_between_single_starts_speaks_for_a_load_each():
+@pytest.mark.parametrize("arm", ["boom_rad", "bucket_rad"])
+def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
     """Of the same manoeuvres, with an angle that stays and one that differs from log to log."""
     frames = loaded([0.0, 250.0, 0.1, 250.1, 0.2], 1).frames
     aligned, rest = frames["aligned"], [frames[name] for name in ("excitation", "gate", "noise")]
@@ -181,7 +182,7 @@ def test_a_boom_that_moves_between_single_starts_speaks_for_a_load_each():
     assert stands.sum() == 4
     probable = {}
     for raised_rad in (0.0, 1.0):
-        hinted = aligned.with_columns(boom_rad=pl.Series(raised_rad * angle))
+        hinted = aligned.with_columns(pl.Series(arm, raised_rad * angle))
         found = weigh(hinted, *rest, machine(POOLED))
         assert found is not None
         motion, states = found.fit.motion, found.fit.states
