@@ -55,6 +55,7 @@ class Cause:
         find: looks for it, channel by channel; nothing where the log does not hold that.
         withholds: whether a mass under it is worth nothing.
         explains: causes that are seen where it is, and stand behind it.
+        outdone: what is stronger by this factor is not explained by it.
         hides: whether nothing else shows before it is mended.
     """
 
@@ -64,4 +65,5 @@ class Cause:
     find: Callable[[Case], list[Sign]]
     withholds: bool = False
     explains: tuple[str, ...] = ()
+    outdone: float = float("inf")
     hides: bool = False

@@ -25,7 +25,12 @@ def findings(case: Case) -> pl.DataFrame:
         `findings`: a row a cause that shows, those that another one explains behind it.
     """
     shown = [(cause, sign) for cause, sign in suspected(case) if sign.strength >= 1.0]
-    explained = Counter(key for cause, _ in shown for key in cause.explains)
+    explained = Counter(
+        other.key
+        for other, sign in shown
+        for cause, own in shown
+        if other.key in cause.explains and sign.strength <= cause.outdone * own.strength
+    )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
     rows = [_row(rank, cause, sign, case) for rank, (cause, sign) in enumerate(shown, 1)]
     columns = frame_schema("findings").columns

@@ -11,6 +11,7 @@ from analysis.findings.constants import DEVIATIONS, LEAST_M_S2, constants, gravi
 from analysis.findings.mending import mended
 from analysis.findings.motions import accelerated
 from analysis.findings.share_seen import share_seen
+from analysis.findings.timing import low_pass
 from analysis.phases import beside_speed_rate
 from analysis.schema import values
 from analysis.units import to_si
@@ -155,15 +156,15 @@ def _yaw(case: Case) -> list[Sign]:
 
 def low_passed(case: Case) -> list[Sign]:
     """An accelerometer that sees a part of the wheels' acceleration, in whatever moves."""
-    found = share_seen(case)
+    late, found = low_pass(case), share_seen(case)
     if found is None:
-        return []
+        return late
     gain, std = found
     if gain + _SURELY * std < -_ATTENUATED / 2.0:
-        return []
+        return late
     if std < _TELLS_UNIT and any(abs(gain / unit - 1.0) < 0.06 for unit in _UNITS):
-        return []
-    return [
+        return late
+    seen = [
         Sign(
             (_ATTENUATED - gain) / (_SURELY * std),
             f"it reads {gain:.2f} ± {std:.2f} of the acceleration of the wheels",
@@ -171,6 +172,7 @@ def low_passed(case: Case) -> list[Sign]:
             alternatives=("delay",) if gain > _ATTENUATED - 0.1 else (),
         )
     ]
+    return [max((*seen, *late), key=lambda sign: sign.strength)]
 
 
 def slope(case: Case) -> list[Sign]:

@@ -24,7 +24,7 @@ APART: Final = 6.0
 #: Parameters below these are no causes.
 _LEAST: Final = {
     **{f"delay:{channel}": 0.002 for channel in ("force", "speed", "imu")},
-    "wheel_radius": 0.002,
+    "wheel_radius": 0.003,
     "driveline": 0.01,
     "braking": 0.002,
 }

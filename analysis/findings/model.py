@@ -16,14 +16,16 @@ from analysis.weighing.equation import Equation
 
 #: So many deviations a term of the fit must be from 0.
 _TERM: Final = 3.45
+#: So many of the wheels' radius: a boom that moves is in the accelerometer alone.
+_WHEELS: Final = 4.0
 #: No accelerometer's scale is trusted to less.
-_LEAST_GAIN: Final = 0.002
+_LEAST_GAIN: Final = 0.003
 #: Nor Coulomb friction to a smaller share of the largest force.
 _LEAST_SHARE: Final = 0.002
 #: An answer whose standard uncertainty is this share of it has too little to go by.
-_POOR: Final = 0.05
+_POOR: Final = 0.06
 #: Share of the mass that priors alone leave open where regressors go together.
-_OPEN: Final = 0.04
+_OPEN: Final = 0.06
 #: Of the empty machine's weight: what resists by less is no pile.
 _PILE: Final = 0.01
 #: Braking moves the mass by so many of the answer's standard uncertainties.
@@ -53,7 +55,7 @@ def wheel_radius(case: Case) -> list[Sign]:
 
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, abs(gain) / _LEAST_GAIN),
+            min(float(np.sqrt(pick.gain)) / _WHEELS, abs(gain) / _LEAST_GAIN),
             f"the wheels' speed changes by {gain:+.2%} ± {std:.2%} more than the accelerometer "
             "says: their radius, or the accelerometer's scale",
             channel=next(iter(case.speed_channels), None),

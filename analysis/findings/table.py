@@ -137,8 +137,9 @@ CAUSES: Final = (
         timing.delays,
         explains=(
             *("imu_low_passed", "load_changed_inside", "external_force", *_OF_RESIDUALS),
-            *("wheel_radius", "slip", "too_little_excitation"),
+            *("wheel_radius", "slip"),
         ),
+        outdone=3.0,
     ),
     Cause(
         "imu_low_passed",
@@ -166,7 +167,7 @@ CAUSES: Final = (
         "the measured force is not in proportion to what accelerates the machine",
         "starts at different throttles",
         model.driveline,
-        explains=("heteroscedastic", "too_little_excitation"),
+        explains=("heteroscedastic",),
     ),
     Cause(
         "braking_inside",
@@ -178,14 +179,14 @@ CAUSES: Final = (
     Cause(
         "external_force",
         "something pushes back: a pile",
-        _START,
+        "a start of three seconds against it",
         model.external_force,
         explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
     ),
     Cause(
         "load_changed_inside",
         "the load changes while the machine drives",
-        "four manoeuvres",
+        "four manoeuvres of three seconds",
         model.load_changed,
         explains=("driveline", "too_little_excitation", "collinear"),
     ),
@@ -196,7 +197,7 @@ CAUSES: Final = (
         residuals.resonance,
         explains=(
             *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
-            *("delay", "slip", "wheel_radius"),
+            *("slip", "wheel_radius"),
         ),
     ),
     Cause(

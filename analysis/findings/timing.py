@@ -1,5 +1,6 @@
 """Delays: which of force, wheels and accelerometer being late explains both equations."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -14,13 +15,28 @@ from analysis.findings.motions import moved
 _LIMIT: Final = 3.45
 #: No stamps are trusted to less.
 _LEAST_S: Final = 0.002
+#: An accelerometer that is later has been filtered.
+_SMOOTH_S: Final = 0.06
 _SHOWN: Final = {"force": "force", "speed": "speed", "imu": "accelerometer"}
 
 
 def delays(case: Case) -> list[Sign]:
     """The channels that are late, by the likelihood of f(t - d) = m a + b v with m, b refitted."""
     found = [pick for name, pick in picks(case).items() if name.startswith("delay")]
-    return [_sign(case, pick) for pick in found]
+    return [_sign(case, pick) for pick in found if not is_low_pass(pick)]
+
+
+def low_pass(case: Case) -> list[Sign]:
+    """An accelerometer that is later than stamps are."""
+    found = picks(case).get("delay:imu")
+    if found is None or not is_low_pass(found):
+        return []
+    return [replace(_sign(case, found), alternatives=("delay",), setting=None, value=None)]
+
+
+def is_low_pass(pick: Pick) -> bool:
+    """Whether a delay is rather an accelerometer that a filter makes late."""
+    return pick.name == "delay:imu" and pick.value > _SMOOTH_S
 
 
 def _sign(case: Case, pick: Pick) -> Sign:

@@ -362,13 +362,20 @@ FAULTS: Final = (
         overrides=_INCLUDED,
         largest=10.0,
     ),
-    Fault("a pile", ("external_force",), "28 % of the throttle", _pile),
+    Fault(
+        "a pile",
+        ("external_force",),
+        "28 % of the throttle",
+        _pile,
+        needs={"campaign": {"start_s": 3.5}},
+    ),
     Fault(
         "a bucket that fills",
         ("load_changed_inside",),
         "50 kg/s in two starts",
         _fills,
         last_runs=2,
+        needs={"campaign": {"start_s": 3.0}},
     ),
     Fault(
         "slow noise",
