@@ -25,8 +25,8 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
     the grid's, if that is longer); a row between others is a gap. A topic faster than the grid is
     averaged over a grid step instead, and a regressor with a slow channel is taken at that one's
     stamps first. The grid runs from the latest first sample to the earliest last one; of a hole
-    longer than 60 s only the ends are kept. Hints (boom, latitude, longitude) have no say in this;
-    they are missing where they have no neighbours.
+    longer than 60 s only the ends are kept. Hints (boom, bucket, latitude, longitude) have no say
+    in this; they are missing where they have no neighbours.
 
     With `filter.causal` a row holds the motion `align.latency_s` before it, or that of the newest
     instant that every channel of the regressor is known of by then, alike on all of them; another

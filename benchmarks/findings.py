@@ -124,7 +124,8 @@ def shown(rows: list[dict[str, Any]], *, write: bool) -> None:
     seeds = len({t.seed for t in trials})
     few = "" if seeds >= ENOUGH else f"**Fewer seeds than {ENOUGH}: no rate is shown by them.** "
     counted = (
-        f"{few}{seeds} seeds a fault, {len(trials)} logs with one fault, "
+        f"{few}{seeds} seeds a fault, {len(trials)} trials with one fault (of a fault without a "
+        "size one log counts three times), "
         f"{len(pairs)} with two, {len(clean)} with none, {len(late)} of delays; "
         f"{len(every) - len(trials)} logs are left out since no size of their fault bends the mass "
         f"as much as asked, within a factor of two; {len(of('error'))} could not be driven."

@@ -149,8 +149,8 @@ def _stream(scene: Scene, asks: ViewerAsks, t0_unix_ns: int) -> None:
     for name, text in scene.texts.items():
         document = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         recording.log(text_entity(name, asks.under), document, static=True)
-    send_events(recording, scene, t0_unix_ns, asks.under)
     at = _times(asks)
+    send_events(recording, scene, t0_unix_ns, asks.under, at)
     for name, frame in scene.shown.items():
         for batch in drawn_rows(name, frame, t0_unix_ns, asks.under, at):
             recording.send_record_batch(batch, index=[TIME, SINCE_START, *at])

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pyarrow as pa
-    from rerun import RecordingStream
+    from rerun import RecordingStream, TimeColumn
     from rerun.blueprint import Blueprint
 
 _MOST_WAITING: Final = 1 << 26
@@ -194,9 +194,13 @@ def _write(
 
 
 def send_events(
-    recording: "RecordingStream", scene: Scene, t0_unix_ns: int, under: str = ""
+    recording: "RecordingStream",
+    scene: Scene,
+    t0_unix_ns: int,
+    under: str = "",
+    at: "Mapping[str, pa.Scalar] | None" = None,
 ) -> None:
-    """Send the events of a scene, on both timelines, under an entity."""
+    """Send the events of a scene, on both timelines and at further times, under an entity."""
     import numpy as np
     import rerun as rr
 
@@ -210,9 +214,24 @@ def send_events(
         indexes=[
             rr.TimeColumn(TIME, timestamp=(since_start + t0_unix_ns).view("datetime64[ns]")),
             rr.TimeColumn(SINCE_START, duration=since_start.view("timedelta64[ns]")),
+            *(_always(name, time, len(t_ns)) for name, time in (at or {}).items()),
         ],
         columns=rr.TextLog.columns(text=list(lines), level=levels),
     )
+
+
+def _always(name: str, time: "pa.Scalar", rows: int) -> "TimeColumn":
+    """A timeline on which all rows lie at one time."""
+    import numpy as np
+    import pyarrow as pa
+    import rerun as rr
+
+    values = np.full(rows, time.cast(pa.int64()).as_py(), np.int64)
+    if pa.types.is_duration(time.type):
+        return rr.TimeColumn(name, duration=values.view("timedelta64[ns]"))
+    if pa.types.is_timestamp(time.type):
+        return rr.TimeColumn(name, timestamp=values.view("datetime64[ns]"))
+    return rr.TimeColumn(name, sequence=values)
 
 
 def _settle(recording: "RecordingStream", piped: PipedFile, path: Path) -> None:

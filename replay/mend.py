@@ -24,6 +24,8 @@ from replay.pipeline import run
 from replay.read_once import ReadOnce
 from replay.readers import Log, open_log
 
+#: Causes that say of the answer how poor it is.
+_POOR: Final = ("too_little_excitation", "collinear", "coloured_residuals", "heteroscedastic")
 #: More causes at once are no log to mend.
 _MOST: Final = 8
 #: By how much the uncertainty may grow for a cause that hardly moves the mass.
@@ -164,13 +166,17 @@ def _behind(tried: _Tried) -> dict[str, str]:
     shown = findings_of(tried.run)
     untried = {_key(each) for each in _untried(tried)}
     stays = {each.cause for each in shown if _key(each) not in untried}
+    ranks = {each.cause: each.rank for each in reversed(shown)}
     grave = {each.cause for each in shown if each.severity == "withhold"}
     return {
         behind: cause.key
         for cause in CAUSES
         if cause.key in stays
         for behind in cause.explains
+        # what only says that the answer is poor, or stands behind it, is no reason not to try
         if behind not in grave
+        and cause.key not in _POOR
+        and ranks[cause.key] < ranks.get(behind, 0)
     }
 
 

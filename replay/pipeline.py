@@ -29,6 +29,7 @@ from analysis.stamps import place
 from analysis.trace import trace
 from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
+from estimators.errors import DataError
 from estimators.threads import one_blas_thread
 from replay.inputs import named_by_topic, provenance, read_channels
 from replay.readers import Log
@@ -187,9 +188,13 @@ def _judged(
 
 def _causes(seen: _Judged, raw: Mapping[str, pl.DataFrame], machine: Machine) -> pl.DataFrame:
     """The causes that show; behind one that hides the others, those of the log without it."""
+    part = beginning(raw)
 
-    def mended(changed: Machine) -> pl.DataFrame:
-        part = beginning(raw)
-        return _causes(_judged(part, changed, lambda _: None), part, changed)
+    def look(changed: Machine) -> pl.DataFrame | None:
+        try:
+            return findings(_judged(part, changed, lambda _: None).case)
+        except DataError:  # the first hour of a log may hold less than the whole
+            return None
 
-    return behind(findings(seen.case), machine, mended)
+    whole = all(part[topic].height == frame.height for topic, frame in raw.items())
+    return behind(findings(seen.case), machine, look, whole=whole)

@@ -105,7 +105,10 @@ class Stage:
                 pl.col("end_t_ns") / 1e9 >= second
             ).fill_null(True)
             return replace(self, rows=self.rows.filter(inside))
-        return replace(self, rows=self.rows.filter(begin <= second).sort(column).tail(1))
+        held = self.rows.filter(begin <= second).sort(column)
+        if "axis" in held.columns:  # a row a window of one axis
+            return replace(self, rows=held.group_by("axis", maintain_order=True).tail(1))
+        return replace(self, rows=held.tail(1))
 
     def readable(self) -> pl.DataFrame:
         """The rows with times as a person reads them: seconds, and local where they are dates."""

@@ -56,7 +56,7 @@ class Cause:
         withholds: whether a mass under it is worth nothing.
         explains: causes that are seen where it is, and stand behind it.
         outdone: what is stronger by this factor is not explained by it.
-        hides: whether nothing else shows before it is mended.
+        hides: whether little else shows before it is mended.
     """
 
     key: str

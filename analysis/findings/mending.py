@@ -61,7 +61,7 @@ def anew(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
 
 
 def mended(case: Case, mend: Mend, relative_u: float = 0.0) -> Change | None:
-    """Fit once more, and compare with the same fit of the motion as it is.
+    """Fit once more from the joint fit on, and compare with the mass of the motion as it is.
 
     Args:
         case: the log.
@@ -83,6 +83,8 @@ def _before_kg(case: Case, fit: JointFit) -> float | None:
     """The mass of the motion as it is: the fit's own, or that of the same part of a long log."""
     if "refitted" not in case.kept:
         whole = np.unique(fit.motion.group[fit.motion.used]).size <= _TRIED
+        if whole and fit.states is not None:
+            case.kept["states"] = fit.states.count
         case.kept["refitted"] = fit.mass_kg if whole else _mass_kg(case, fit.motion)
     return case.kept["refitted"]  # type: ignore[return-value]
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+import polars as pl
 
 from analysis.findings.case import Case
 from analysis.findings.cause import Change, Sign
@@ -279,16 +280,18 @@ def external_force(case: Case) -> list[Sign]:
     """Starts against something that pushes back."""
     if not case.digs.height:
         return []
-    growth, std = (case.digs[name].to_numpy() for name in ("growth_N", "growth_std_N"))
     body = case.machine.machine
-    if not growth.max() > _PILE * body.gravity_m_s2 * (body.empty_mass_kg or 0.0):
+    least_N = _PILE * body.gravity_m_s2 * (body.empty_mass_kg or 0.0)
+    digs = case.digs.filter(pl.col("growth_N") > least_N)
+    if digs.is_empty():
         return []
+    growth, std = (digs[name].to_numpy() for name in ("growth_N", "growth_std_N"))
     worst = int(np.argmax(growth / std))
-    begin, end = (int(case.digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
+    begin, end = (int(digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [
         Sign(
-            float(growth[worst] / std[worst]) / 5.0 * np.sqrt(case.digs.height),
-            f"in {case.digs.height} starts a resistance grows, by up to {growth[worst]:.0f} ± "
+            float(growth[worst] / std[worst]) / 5.0 * np.sqrt(digs.height),
+            f"in {digs.height} starts a resistance grows, by up to {growth[worst]:.0f} ± "
             f"{std[worst]:.0f} N; they are left out",
             channel=case.force_channel,
             span_ns=(begin, end),

@@ -4,10 +4,12 @@ from typing import Final
 
 import numpy as np
 
+from analysis.diagnosis.evidence import Floats
 from analysis.findings.case import Case
 from analysis.findings.cause import Sign
 from analysis.methods import METHODS, Feed
 from analysis.schema import values
+from analysis.weighing.loads import changes
 
 #: An estimate may leave by so many times what it scatters by while the machine speeds up,
 _SCATTER: Final = 3.0
@@ -35,17 +37,28 @@ def _of_method(case: Case, name: str) -> Sign | None:
     speeds_up, cruises = (
         known & case.evidence.is_phase(each)[rows] for each in ("accelerating", "cruising")
     )
-    if min(np.count_nonzero(speeds_up), np.count_nonzero(cruises)) < _FEWEST:
-        return None
-    usual_kg = float(np.median(mass_kg[speeds_up]))
-    scatter_kg, leaves_kg = (
-        float(np.sqrt(np.mean((mass_kg[rows] - usual_kg) ** 2))) for rows in (speeds_up, cruises)
-    )
+    # a recursion begins anew with each load
+    load = np.searchsorted(changes(case.evidence.weighing), rows, "right")
+    worst = 0.0, 0.0, 0.0, 0.0
+    for number in np.unique(load):
+        up, steady = (mass_kg[each & (load == number)] for each in (speeds_up, cruises))
+        if min(up.size, steady.size) < _FEWEST:
+            continue
+        usual_kg = float(np.median(up))
+        scatter_kg, leaves_kg = (_rms(each - usual_kg) for each in (up, steady))
+        strength = leaves_kg / max(_SCATTER * scatter_kg, _LEAVES * abs(usual_kg))
+        worst = max(worst, (strength, usual_kg, scatter_kg, leaves_kg))
+    strength, usual_kg, scatter_kg, leaves_kg = worst
+    mends = name == "rls" and not trace.directional_forgetting  # no other one can
     return Sign(
-        leaves_kg / max(_SCATTER * scatter_kg, _LEAVES * abs(usual_kg)),
+        strength,
         f"{name} leaves {usual_kg:.0f} kg by {leaves_kg:.0f} kg (r.m.s.) while the machine keeps "
         f"its speed, and by {scatter_kg:.0f} kg while it speeds up: it forgets faster than it "
         f"learns (forgetting {trace.forgetting:g})",
-        setting=None if trace.directional_forgetting else "settings.trace.directional_forgetting",
-        value=None if trace.directional_forgetting else "true",
+        setting="settings.trace.directional_forgetting" if mends else None,
+        value="true" if mends else None,
     )
+
+
+def _rms(x: Floats) -> float:
+    return float(np.sqrt(np.mean(x**2)))

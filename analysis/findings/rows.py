@@ -220,10 +220,13 @@ class Explained:
             both = system.noise_with.get(name, np.zeros(count))
             gram[:count, place] -= both
             gram[place, :count] -= both
+            gram[place, place] -= system.noise_of.get(name, 0.0)
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-10, hermitian=True)
         inverse /= np.outer(size, size)
-        theta = inverse @ (known.T @ system.y)
+        right = known.T @ system.y
+        right[count:] += [system.noise_of.get(name, 0.0) for name in own]
+        theta = inverse @ right
         left = system.y - known @ theta
         # what noise of the columns adds to a score
         score = tried.T @ left

@@ -20,7 +20,9 @@ def share_seen(case: Case) -> tuple[float, float] | None:
     """Slope of the accelerometer on the change of the wheels' speed, and its deviation."""
     if ACC not in case.aligned.columns or not case.measured(ACC):
         return None
-    size = max(round(_SPAN_S * case.machine.settings.align.rate_hz), 1)
+    rate_hz = case.machine.settings.align.rate_hz
+    size = max(round(_SPAN_S * rate_hz), 1)
+    span_s = size / rate_hz
     count = case.aligned.height // size
     if count < _FEWEST_SPANS:
         return None
@@ -31,7 +33,7 @@ def share_seen(case: Case) -> tuple[float, float] | None:
     speed = means(values(case.aligned, "speed_x_m_s"))
     reads = means(values(case.aligned, ACC) - gravity(case))
     moves = means((~case.stands).astype(float)) > 0.0
-    x, y = np.diff(speed) / _SPAN_S, (reads[1:] + reads[:-1]) / 2.0
+    x, y = np.diff(speed) / span_s, (reads[1:] + reads[:-1]) / 2.0
     used = np.isfinite(x) & np.isfinite(y) & moves[1:] & moves[:-1]
     if used.sum() < _FEWEST_SPANS:
         return None
@@ -39,7 +41,7 @@ def share_seen(case: Case) -> tuple[float, float] | None:
     # noise of the speed is no acceleration, and would look like one that is not seen
     reads_speed = 0.0 if case.column_noise is None else case.column_noise.covariance(size)[1, 1]
     seen = float(x @ x)
-    power = seen - x.size * 2.0 * reads_speed / _SPAN_S**2
+    power = seen - x.size * 2.0 * reads_speed / span_s**2
     if not power > _MOTION * seen:
         return None
     gain = float(x @ y) / power

@@ -78,8 +78,8 @@ def _axis_flipped(case: Case) -> list[Sign]:
     return [
         Sign(
             10.0 * strength,
-            f"force and acceleration correlate by {of_force:+.2f} with the speed's share taken "
-            f"out, accelerometer and wheels by a gain of {gain:+.2f}",
+            f"force and acceleration correlate by {of_force:+.2f} with the speed's share taken out"
+            + (f", the accelerometer reads {gain:+.2f} of the wheels'" if by_imu else ""),
             channel=names[0],
             setting=setting,
             value=value,

@@ -68,7 +68,8 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
     usual = _OF_MEDIAN * float(np.median(np.abs(left[unit >= 0])))
     left = left.clip(-_FAR * usual, _FAR * usual)  # the jerk of a stop is no load
     variance = _variance(fit, noise)
-    own = _FRICTION * abs(fit.viscous), _CONSTANT * fit.motion.largest_force
+    friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
+    own = _FRICTION * friction, _CONSTANT * fit.motion.largest_force
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
     slopes = [_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
     kg, square = np.array(slopes).T

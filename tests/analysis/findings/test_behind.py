@@ -26,12 +26,17 @@ def test_behind_a_sign_or_a_unit_stands_what_it_hides(
     first, second = found.row(0, named=True), found.row(1, named=True)
     assert first["cause"] in {"sign_flipped", "wrong_unit"}
     assert cause in {second["cause"], *second["alternatives"].split(", ")}
-    assert second["evidence"].startswith(f"once {first['cause']} is mended: ")
+    name = first["cause"].replace("_", " ")
+    assert second["evidence"].startswith(f"once {name} is mended: ")
     assert found["rank"].to_list() == list(range(1, found.height + 1))
 
 
-def test_brakes_that_the_force_sees_are_no_finding(named: Named) -> None:
-    assert named(("braking included", 0.0)).is_empty()
+def test_a_sign_and_a_unit_stand_before_all_else(named: Named) -> None:
+    found = named(("accelerometer of the wrong sign", 1.0), ("speed in km/h", 1.0))
+    assert found["cause"].to_list() == ["sign_flipped", "wrong_unit"]
+
+
+LEFT = "channels.torque_left_N_m.scale"
 
 
 def _found(*causes: str, setting: str | None = "channels.force_x_N.scale") -> pl.DataFrame:
@@ -64,16 +69,36 @@ def _never(_: Machine) -> pl.DataFrame:
     ids=["nothing", "another", "behind another", "no proposal", "no scale"],
 )
 def test_what_hides_nothing_or_is_no_scale_is_left_as_it_is(found: pl.DataFrame) -> None:
-    assert behind(found, machine(()), _never) is found
+    assert behind(found, machine(()), _never, whole=True) is found
 
 
-def test_a_proposal_that_does_not_mend_is_not_believed() -> None:
-    found = _found("wrong_unit", setting="channels.torque_left_N_m.scale")
-    assert behind(found, machine(()), lambda _: _found("wrong_unit", "delay")) is found
+@pytest.mark.parametrize("again", [_found("sign_flipped", "delay", setting=LEFT), None])
+def test_a_proposal_that_does_not_mend_is_not_believed(again: pl.DataFrame | None) -> None:
+    looks: list[Machine] = []
+
+    def look(mended: Machine) -> pl.DataFrame | None:
+        looks.append(mended)
+        return again
+
+    found = _found("sign_flipped", setting=LEFT)
+    assert behind(found, machine(()), look, whole=True) is found
+    assert [each.channels["torque_left_N_m"].scale for each in looks] == [-1.0]
 
 
-def test_of_a_long_log_the_first_hour_is_looked_at_once_more() -> None:
-    hours = pl.DataFrame({"log_time_ns": [n * 1_800_000_000_000 for n in range(5)]})
+@pytest.mark.parametrize(
+    ("whole", "kept"),
+    [(True, ["sign_flipped", "offset"]), (False, ["sign_flipped", "offset", "gaps"])],
+)
+def test_what_only_the_whole_log_shows_is_kept(whole: bool, kept: list[str]) -> None:
+    found = _found("sign_flipped", "too_little_excitation", "gaps", setting=LEFT)
+    both = behind(found, machine(()), lambda _: _found("offset", setting=None), whole=whole)
+    assert both["cause"].to_list() == kept
+    assert both["rank"].to_list() == list(range(1, len(kept) + 1))
+
+
+def test_of_a_long_log_the_first_hour_of_all_topics_is_looked_at_once_more() -> None:
+    hours = pl.DataFrame({"log_time_ns": [n * 1_800_000_000_000 for n in range(9)]})
     assert beginning({"a": hours})["a"].height == 2
     late = hours.select(pl.col("log_time_ns") + 7_200_000_000_000)
-    assert beginning({"a": hours, "b": late})["a"].height == 5
+    part = beginning({"a": hours, "b": late})
+    assert (part["a"].height, part["b"].height) == (6, 2)

@@ -4,7 +4,9 @@ import polars as pl
 import pytest
 
 from analysis.findings import CAUSES
+from analysis.simulation.designs import joined
 from analysis.simulation.faults import FAULTS
+from benchmarks.findings_rows import AXES, design, replayed
 from tests.analysis.findings.conftest import BY_NAME, Named
 
 #: Sizes that are found on this machine with a margin; those of others are as they are said.
@@ -40,6 +42,25 @@ def test_a_fault_is_named_first_by_itself_or_with_its_class(named: Named, fault)
 @pytest.mark.parametrize("seed", [7, 8, 11])
 def test_a_log_without_a_fault_has_no_finding(named: Named, seed: int) -> None:
     assert named(seed=seed).is_empty()
+
+
+def test_brakes_that_the_force_sees_are_no_finding(named: Named) -> None:
+    assert named(("braking included", 0.0)).is_empty()
+
+
+def test_a_payload_in_the_last_start_is_no_wind_up() -> None:
+    sections = design(1, odd=False)
+    loading = {"change_kg": 0.3 * sections["machine"]["mass_kg"]}
+    loading["change_before_start"] = sections["campaign"]["runs"] - 1
+    methods = ['settings.trace.methods=["pooled", "rls"]']
+    found = replayed(joined(sections, {"loading": loading}), (), AXES, methods).frames["findings"]
+    assert "wind_up" not in found["cause"]
+
+
+def test_what_a_coarse_grid_sees_of_the_acceleration_is_all_of_it() -> None:
+    rate = ["settings.align.rate_hz=5.0", "settings.gate.window_samples=16"]
+    found = replayed(design(7, odd=False), (), AXES, rate).frames["findings"]
+    assert "imu_low_passed" not in found["cause"]
 
 
 def test_two_faults_are_among_the_first_three(named: Named) -> None:
