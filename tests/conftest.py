@@ -23,6 +23,11 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[BEGAN] = time.monotonic()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest file first, or one processor waits for the other at the end."""
+    items.sort(key=lambda item: item.path.name != "test_documentation.py")
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     seconds = item.config.getoption("--seconds")
     if seconds is not None and time.monotonic() - item.config.stash[BEGAN] > seconds:
