@@ -243,10 +243,16 @@ LOADS = (
     "nuisances from their priors, loads change",
     "nine empty and nine with 250 kg",
     "one and one",
+    "starts scatter as much as their noise, the empty ones named",
+    "starts scatter three times their noise, the empty ones named",
 )
 
 
 EMPTY_FIRST = ("settings.loads.empty_from_s=0.0", "settings.loads.empty_to_s=30.0")
+#: How starts scatter, over their own noise.
+_SCATTERS = {LOADS[3]: 1.0, LOADS[4]: 3.0}
+#: What one start says of the loader by its noise, and of a machine of another size likewise.
+_NOISE_SHARE = 15.0 / 3614.0
 
 
 def load_tasks(logs: int) -> Iterator[Task]:
@@ -269,6 +275,8 @@ def load_log(task: Task) -> Weighed:
         known = {} if runs > 1 else {"repeatability_kg": 1.0}
         said = () if runs > 1 else EMPTY_FIRST
         return weighed(task.name, "loader", joined(LOADER, loader), (POOLED, *said), body=known)
+    scatter = _SCATTERS.get(task.name, 0.0)
+    said = EMPTY_FIRST if scatter else ()
     for again in range(20):
         design = drawn(task.seed + 500 * again)
         size = design["machine"]["mass_kg"] / LOADER["machine"]["mass_kg"]
@@ -279,10 +287,18 @@ def load_log(task: Task) -> Weighed:
             # each log has its own clock: none drifts, or the drift would begin anew with each
             one_clock = {"campaign": campaign, "sampling": {"torque_clock_ppm": 0.0}}
             whole = joined(joined(design, nuisances), one_clock)
-            return weighed(task.name, "drawn", whole, (POOLED,), acc_gain)
+            whole = joined(whole, _scattering(design, scatter)) if scatter else whole
+            return weighed(task.name, "drawn", whole, (POOLED, *said), acc_gain)
         except ScenarioError:
             continue
     raise ScenarioError(f"{task.seed}: no machine of twenty can do that")
+
+
+def _scattering(design: Sections, scatter: float) -> Sections:
+    """Friction that differs from start to start, so that masses do by so many of their noise."""
+    std_N = scatter * _NOISE_SHARE * design["campaign"]["throttle_force_N"]
+    # none is below zero
+    return {"machine": {"coulomb_N": 3.0 * std_N}, "starts": {"coulomb_std_N": std_N}}
 
 
 POWER = "power-limited motor, acceleration derived"

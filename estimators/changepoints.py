@@ -5,8 +5,10 @@ between units of one level, β effects that all units share and about which the 
 of their own. The partition is the one with the largest posterior probability. Its prior is not
 tuned: one level is as likely as several, of these every rate of changes is as likely as any other,
 and so is every choice of as many places (Scott & Berger 2010, Bayes and empirical-Bayes
-multiplicity adjustment). Levels are normal about a mean of their own, how far apart is the series'
-to say, up to `spread` (Gelman 2006, Prior distributions for variance parameters). Scatter is
+multiplicity adjustment). Levels are each their own, or two that take turns, or every second one is
+one that comes back, as that of an empty machine does; each is as likely. They are normal about a
+mean of their own, how far apart is the series' to say, up to `spread` (Gelman 2006, Prior
+distributions for variance parameters). Scatter is
 half-normal: it and a level for each unit are the same thing, and only its size tells them apart.
 Given β and the scatter the partition is found exactly (`optimal_partition`). Of the most probable
 one only the changes are kept that are sure, one after another.
@@ -18,7 +20,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import betaln, logsumexp
+from scipy.special import betaln
 
 from estimators.autocorrelation import pooled_autocorrelation
 from estimators.estimate import Floats, Ints
@@ -34,6 +36,7 @@ _CANDIDATES: Final = (0.02, 0.2, 0.5)
 _WINDOWS: Final = (1.0, 0.1)
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
 _HALF: Final = float(np.log(0.5))
+_THIRD: Final = float(np.log(1.0 / 3.0))
 _ROUNDS: Final = 10
 #: Rounds of residuals and their variance.
 _NOISE_ROUNDS: Final = 3
@@ -44,6 +47,8 @@ _LEAST_OWN: Final = 0.1
 #: A change is said where it is at least so much likelier than none, as a logarithm.
 _SURE: Final = float(np.log(20.0))
 _LEAST_CHANGES: Final = 20
+#: How likely what tells a change (a boom that moves) has nothing to do with it in this series.
+_TELLS_NOTHING: Final = 0.25
 #: No change is ruled out for good, but for this much it takes evidence.
 _NEVER: Final = 1e9
 
@@ -153,8 +158,9 @@ class Partition:
     """A partition and what it says.
 
     Attributes:
-        state: (n,) number of the level of each unit, from 0.
+        state: (n,) number of the stretch of each unit, from 0.
         levels: (states,).
+        level: (states,) which level each is at: one may come back.
         scatter: standard deviation between units of one level.
         effects: (r,) β.
         log_posterior: up to a constant of the series.
@@ -162,14 +168,20 @@ class Partition:
 
     state: Ints
     levels: Floats
+    level: Ints
     scatter: float
     effects: Floats
     log_posterior: float
 
     @property
     def states(self) -> int:
-        """How many levels there are."""
+        """How many stretches of one level there are."""
         return self.levels.size
+
+    @property
+    def freedom(self) -> int:
+        """How many units there are beyond the levels."""
+        return self.state.size - int(self.level.max()) - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,12 +191,14 @@ class Partitions:
     Attributes:
         best: the most probable, less the changes that are not sure.
         single: with one level.
+        several: the most probable one with more; None of one unit.
         single_probability: how probable one level is, among all that were tried, each at its best
             scatter.
     """
 
     best: Partition
     single: Partition
+    several: Partition | None
     single_probability: float
 
 
@@ -207,18 +221,20 @@ def partitions(
 
     def judged(state: Ints, tau: float) -> Partition:
         variance = units.variance + tau**2
-        posterior = _log_posterior(units, state, variance, spread)
+        posterior, level = _log_posterior(units, state, variance, spread)
         posterior += _log_prior(units.kind, np.diff(state) > 0)
         if scatter is None:
             posterior -= (tau / usual) ** 2 / 2.0
-        effects = _effects(units, state, variance)
-        return Partition(state, _levels(units, state, variance, effects), tau, effects, posterior)
+        effects = _effects(units, level[state], variance)
+        levels = _levels(units, level[state], variance, effects)[level]
+        return Partition(state, levels, level, tau, effects, posterior)
 
     found: dict[bytes, Partition] = {}
     for tau in scatters:
         variance = units.variance + tau**2
         tried: set[bytes] = {one.tobytes(), each_own.tobytes()}
-        for effects in begin:
+        for effects in begin if n > 1 else []:
+            tried.add(_two_levels(units, variance, effects).tobytes())
             for probability in _CANDIDATES:
                 for window in _WINDOWS:
                     tried |= _alternated(units, variance, window * spread, probability, effects)
@@ -226,11 +242,16 @@ def partitions(
             each = judged(np.frombuffer(key, np.int64), tau)
             if key not in found or each.log_posterior > found[key].log_posterior:
                 found[key] = each
-    best = max(found.values(), key=lambda each: each.log_posterior)
-    single = found[one.tobytes()]
+    single = found.pop(one.tobytes())
+    several = max(found.values(), key=lambda each: each.log_posterior, default=None)
+    best = single
+    if several is not None and several.log_posterior > single.log_posterior:
+        best = _sure(several, judged)
+    found[one.tobytes()] = single
     logs = np.array([each.log_posterior for each in found.values()])
-    probability = float(np.exp(single.log_posterior - logsumexp(logs)))
-    return Partitions(_sure(best, judged), single, probability)
+    probability = float(np.exp(single.log_posterior - np.logaddexp.reduce(logs)))
+    several = best if best.states > 1 else several
+    return Partitions(best, single, several, probability)
 
 
 def _sure(best: Partition, judged: Callable[[Ints, float], Partition]) -> Partition:
@@ -274,9 +295,33 @@ def _alternated(
     return tried
 
 
+def _levels_of(states: int) -> list[tuple[float, Ints]]:
+    """Which level each state may have, (states,), with the logarithm of how probable that is."""
+    own = np.arange(states)
+    if states <= 2:
+        return [(0.0, own)]
+    back = [
+        (_THIRD + _HALF, np.unique(np.where(own % 2 == which, -1, own), return_inverse=True)[1])
+        for which in (0, 1)
+    ]
+    return [(_THIRD, own), (_THIRD, own % 2), *back]
+
+
+def _two_levels(units: Units, variance: Floats, effects: Floats) -> Ints:
+    """The states of two levels that take turns, given β: the parting with the least squares."""
+    level = units.y - units.x @ effects
+    order = np.argsort(level, kind="stable")
+    weight = (1.0 / variance)[order]
+    below, first = np.cumsum(weight)[:-1], np.cumsum(weight * level[order])[:-1]
+    total, whole = below[-1] + weight[-1], first[-1] + weight[-1] * level[order[-1]]
+    between = first**2 / below + (whole - first) ** 2 / (total - below)
+    heavy = level > level[order[int(np.argmax(between))]]
+    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (units.kind > 0)))
+
+
 def _sums(values: Floats, state: Ints) -> Floats:
     """Sum rows by state."""
-    out = np.zeros((int(state[-1]) + 1, *values.shape[1:]))
+    out = np.zeros((int(state.max()) + 1, *values.shape[1:]))
     np.add.at(out, state, values)
     return out
 
@@ -303,8 +348,18 @@ def _levels(units: Units, state: Ints, variance: Floats, effects: Floats) -> Flo
     return _sums(weight * (units.y - units.x @ effects), state) / _sums(weight, state)
 
 
-def _log_posterior(units: Units, state: Ints, variance: Floats, spread: float) -> float:
-    """Of the partition, levels and β integrated out, less its prior; up to a constant."""
+def _log_posterior(
+    units: Units, state: Ints, variance: Floats, spread: float
+) -> tuple[float, Ints]:
+    """Of the partition, less its prior and up to a constant, and the level of each state."""
+    weights, levels = zip(*_levels_of(int(state[-1]) + 1), strict=True)
+    logs = np.array(weights)
+    logs += [_log_of_units(units, level[state], variance, spread) for level in levels]
+    return float(np.logaddexp.reduce(logs)), levels[int(np.argmax(logs))]
+
+
+def _log_of_units(units: Units, state: Ints, variance: Floats, spread: float) -> float:
+    """How probable the units are, levels and β integrated out; up to a constant."""
     gram, cross = _between(units, state, variance)
     whole, right = units.gram + gram, units.cross + cross
     effects = np.asarray(np.linalg.solve(whole, right), np.float64)
@@ -330,20 +385,22 @@ def _log_of_levels(level: Floats, variance: Floats, spread: float) -> float:
     mean = (level / each).sum(axis=1) / total
     misfit = ((level - mean[:, None]) ** 2 / each).sum(axis=1)
     logs = np.log(2.0 * np.pi * each).sum(axis=1) + np.log(total / (2.0 * np.pi))
-    return float(logsumexp(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
+    return float(np.logaddexp.reduce(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
 
 
 def _log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
     """No change as likely as some; then every rate of changes, and every choice of places.
 
-    Where something else tells a change, the rate of changes is as likely as it is high.
+    Where something else tells a change, the rate of changes is as likely as it is high, or what
+    tells it has nothing to do with the level.
     """
     total = 0.0
     for each in np.unique(kind[kind > 0]):
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
         if each > 1:
-            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp
-            total += float(betaln(used + 2, places - used + 1)) - _HALF
+            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
+            by_rate = float(betaln(used + 2, places - used + 1)) - _HALF + np.log1p(-_TELLS_NOTHING)
+            total += by_rate if used else float(np.logaddexp(by_rate, np.log(_TELLS_NOTHING)))
         elif used:
             # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
             total += float(betaln(used + 1, places - used + 1)) + _HALF

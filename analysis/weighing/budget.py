@@ -50,6 +50,11 @@ _PARTS: Final = {
         "manoeuvres of one load that disagree with each other",
         "more starts, and alike",
     ),
+    "other_reading": _FitPart(
+        "common",
+        "masses that change or that scatter: the log cannot tell which",
+        "more starts with each load; a boom or bucket channel; machine.repeatability_kg",
+    ),
     "misfit": _FitPart(
         "common",
         "what every start has in common and the model misses",

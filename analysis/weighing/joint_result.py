@@ -168,6 +168,7 @@ class JointFit:
             },
             "channel_noise": abs(float(fit.doubt @ wide)),
             "scatter": root(fit.scatter),
+            "other_reading": 0.0 if self.states is None else self.states.other_reading_kg(weights),
             "misfit": root(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),

@@ -225,9 +225,9 @@ def _said(fit: JointFit, machine: Machine) -> str:
     assert states is not None
     said: list[str] = []
     if states.other is not None:
-        others = int(states.other.max()) + 1
+        others = int(states.other.of.max()) + 1
         readings = sorted(
-            [(fit.count, states.scatter_kg), (others, states.other_scatter_kg)],
+            [(fit.count, states.scatter_kg), (others, states.other.scatter_kg)],
             key=lambda reading: reading[0],
         )
         texts = [

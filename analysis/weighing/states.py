@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.equation import Equation, Floats, Ints, begins
-from estimators.changepoints import Partitions, Units, partitions
+from estimators.changepoints import Partition, Partitions, Units, partitions
 from estimators.levels import Levels
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
@@ -25,8 +25,10 @@ _FEWEST_OF_DRIFT: Final = 6
 _NO_DRIFT_KG: Final = 1e-6
 #: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
 FEWEST_FREEDOM: Final = 4
-#: Of the two readings one is doubted when it is less probable than the first and more than this.
+#: One load is not ruled out when it is more probable than this.
 _DOUBTED: Final = 0.05
+#: Several are not when all ways of them together are: some of many always fit chance.
+_DOUBTED_SEVERAL: Final = 0.2
 _ROUNDS: Final = 60
 #: A boom or a bucket that moves by so much between two manoeuvres may have loaded or dumped.
 _ARM_MOVES_RAD: Final = 0.15
@@ -35,6 +37,23 @@ _TELLS: Final = 50
 #: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
 #: of a fit's groups, since the deviations of manoeuvres are themselves found from few samples.
 _DISAGREE: Final = 5.0
+
+
+@dataclass(frozen=True)
+class OtherReading:
+    """What the manoeuvres may as well say, where the log cannot tell.
+
+    Attributes:
+        of: (units,) the load state of each.
+        differs_kg: (units,) by how much its mass then differs.
+        scatter_kg: standard deviation of manoeuvres about their state.
+        probability: that it is not as the states have it.
+    """
+
+    of: Ints
+    differs_kg: Floats
+    scatter_kg: float
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -51,8 +70,7 @@ class States:
         birge_ratio: deviation from manoeuvre to manoeuvre over that of each alone; NaN where there
             is nothing to compare.
         single_probability: how probable it is that there is one state.
-        other: (units,) the other reading, where the log cannot tell; else None.
-        other_scatter_kg: its scatter.
+        other: the other reading, where the log cannot tell; else None.
     """
 
     unit: Ints
@@ -63,8 +81,7 @@ class States:
     freedom: float
     birge_ratio: float
     single_probability: float = 1.0
-    other: Ints | None = None
-    other_scatter_kg: float = 0.0
+    other: OtherReading | None = None
 
     @property
     def count(self) -> int:
@@ -100,8 +117,27 @@ class States:
             of=np.unique(self.of[place], return_inverse=True)[1],
             level_kg=self.level_kg[place],
             std_kg=self.std_kg[place],
-            other=None if self.other is None else self.other[place],
+            other=self.other
+            and replace(
+                self.other, of=self.other.of[place], differs_kg=self.other.differs_kg[place]
+            ),
         )
+
+    def other_reading_kg(self, weights: Floats) -> float:
+        """What the doubt of the states does to a sum of their masses, in kg.
+
+        The mass of a manoeuvre drawn from each state has the variance between the two readings.
+
+        Args:
+            weights: (states,) of each mass in the sum.
+        """
+        if self.other is None:
+            return 0.0
+        count = np.bincount(self.of)
+        mean_kg = np.bincount(self.of, weights=self.other.differs_kg) / count
+        within = np.bincount(self.of, weights=(self.other.differs_kg - mean_kg[self.of]) ** 2)
+        variance = float(weights @ mean_kg) ** 2 + float(weights**2 @ (within / count))
+        return float(np.sqrt(self.other.probability * variance))
 
     def levels(self, motion: Equation) -> Levels:
         """The states of the stretches of the motion whose manoeuvres these are."""
@@ -167,16 +203,16 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         _REPEATS * typical_kg,
         repeatability_kg,
     )
-    chosen = _chosen(found, repeatability_kg)
-    best = found.best if chosen else found.single
-    other = found.single if chosen else found.best
+    best = found.best if _chosen(found, repeatability_kg) else found.single
+    other = found.several if best.states == 1 else found.single
     # what drifts within a state is scatter of it
     shared = units.x.shape[1]
     level_kg = units.y - units.x @ best.effects[:shared]
-    scatter_kg, freedom, ratio = _scatter(level_kg, units.variance, best.state)
+    scatter_kg, freedom, ratio = _scatter(level_kg, units.variance, best)
     if repeatability_kg is not None:
         scatter_kg, freedom = repeatability_kg, np.inf
-    states = States(
+    probability = found.single_probability if best.states > 1 else 1.0 - found.single_probability
+    return States(
         number,
         best.state,
         level_kg,
@@ -185,14 +221,21 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         freedom,
         ratio,
         found.single_probability,
+        _other_reading(units, best, other, probability),
     )
-    probability = found.single_probability
-    if other is best or not _DOUBTED < probability < 1.0 - _DOUBTED:
-        return states
-    other_kg, _, _ = _scatter(
-        units.y - units.x @ other.effects[:shared], units.variance, other.state
-    )
-    return replace(states, other=other.state, other_scatter_kg=other_kg)
+
+
+def _other_reading(
+    units: Units, best: Partition, other: Partition | None, probability: float
+) -> OtherReading | None:
+    """What the units may as well say; None where the log can tell."""
+    doubted = _DOUBTED_SEVERAL if best.states == 1 else _DOUBTED
+    if other is None or probability < doubted:
+        return None
+    level_kg = units.y - units.x @ other.effects[: units.x.shape[1]]
+    scatter_kg, _, _ = _scatter(level_kg, units.variance, other)
+    differs_kg = other.levels[other.state] - best.levels[best.state]
+    return OtherReading(other.state, differs_kg, scatter_kg, probability)
 
 
 def untold_states(number: Ints) -> States:
@@ -220,7 +263,7 @@ def _with_drift(units: Units, width_kg: float) -> Units:
 
 def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:
     """Whether the most probable partition is taken, or one state where nothing can tell."""
-    few = found.best.state.size - found.best.states < FEWEST_FREEDOM
+    few = found.best.freedom < FEWEST_FREEDOM
     doubted = found.single_probability > _DOUBTED
     return repeatability_kg is not None or not (few and doubted)
 
@@ -236,9 +279,9 @@ def means_by_state(level: Floats, weight: Floats, state: Ints) -> Floats:
     return np.bincount(state, weights=weight * level) / np.bincount(state, weights=weight)
 
 
-def _scatter(level: Floats, variance: Floats, state: Ints) -> tuple[float, float, float]:
-    """Scatter about the states (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
-    freedom = level.size - int(state.max()) - 1
+def _scatter(level: Floats, variance: Floats, found: Partition) -> tuple[float, float, float]:
+    """Scatter about the levels (Paule & Mandel 1982), its degrees of freedom, Birge's ratio."""
+    freedom, state = found.freedom, found.level[found.state]
     if freedom < 1:
         return 0.0, 0.0, float("nan")
 

@@ -1,6 +1,7 @@
 """Load states of whole logs: masses, payloads, and what is said of them."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -8,7 +9,7 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.weighing import joint_fit
-from analysis.weighing.states import places
+from analysis.weighing.states import OtherReading, States, places
 from analysis.weighing.weigh import weigh
 from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
@@ -18,6 +19,8 @@ from replay.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
 
+#: The first two of four manoeuvres, and the others.
+LEFT = np.array([1.0, 1.0, -1.0, -1.0])
 POOLED = ('settings.trace.methods=["pooled"]',)
 
 
@@ -175,7 +178,7 @@ def test_throttles_that_differ_by_a_third_are_one_state(name):
 @pytest.mark.parametrize("arm", ["boom_rad", "bucket_rad"])
 def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
     """Of the same manoeuvres, with an angle that stays and one that differs from log to log."""
-    frames = loaded([0.0, 250.0, 0.1, 250.1, 0.2], 1).frames
+    frames = loaded([0.0, 250.0, 120.0, 370.0, 180.0], 1).frames
     aligned, rest = frames["aligned"], [frames[name] for name in ("excitation", "gate", "noise")]
     stands = np.diff(aligned["gap"].to_numpy().astype(int), prepend=0) > 0
     angle = np.cumsum(stands) % 2
@@ -191,6 +194,27 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
         probable[raised_rad] = states.single_probability
     # so few starts do not settle it: it then says "states or scatter"
     assert probable[1.0] < 0.5 < probable[0.0]
+
+
+def test_where_the_log_cannot_tell_the_uncertainty_covers_both_readings():
+    """By the law of total variance: of each start's mass, and of the difference of two states."""
+    other = OtherReading(np.array([0, 1, 0, 1]), np.array([-100.0, 100.0, -80.0, 120.0]), 5.0, 0.4)
+    nothing = np.zeros(4)
+    one = States(np.arange(4), np.zeros(4, np.int64), nothing, nothing, 0.0, 3.0, 1.0, 0.6, other)
+    of_one = np.sqrt(0.4 * np.mean(other.differs_kg**2))
+    assert one.other_reading_kg(np.ones(1)) == pytest.approx(of_one)
+    # two states, which one load with a scatter may as well be
+    two = replace(one, of=np.array([0, 0, 1, 1]), other=replace(other, differs_kg=40.0 * LEFT))
+    assert two.other_reading_kg(np.array([-1.0, 1.0])) == pytest.approx(np.sqrt(0.4) * 80.0)
+    assert replace(one, other=None).other_reading_kg(np.ones(1)) == 0.0
+
+
+@pytest.mark.parametrize("seed", [30932002, 30932004])
+def test_a_load_that_a_load_transfer_explains_as_well_is_said_with_both(seed):
+    """Empty forward and loaded in reverse: a share that changes with the acceleration is alike."""
+    log = row_log(Task("row", "250 kg more at every second start", "drawn", seed))
+    assert abs(log.deviations) < 3.0
+    assert log.u_kg > 80.0
 
 
 def test_a_load_that_comes_and_goes_is_never_one_narrow_mass():
