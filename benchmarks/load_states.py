@@ -23,7 +23,7 @@ from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.page import markdown, put
 from benchmarks.weighed import machine
 from estimators.autocorrelation import student_factor
-from estimators.changepoints import Units
+from estimators.units import Units
 from replay.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 

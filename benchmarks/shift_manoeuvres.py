@@ -22,8 +22,8 @@ from analysis.weighing.joint_fit import JointFit, PriorMeans
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.states import States, found_states
 from analysis.weighing.weigh import Curvature, Weighing
-from estimators.changepoints import Units
 from estimators.prior_fit import PriorFit
+from estimators.units import Units
 from replay import load_machine
 
 Floats = NDArray[np.float64]

@@ -13,8 +13,8 @@ from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Nuisance, const_width, offset_in_const
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators import prior_fit
-from estimators.changepoints import Units, units_of
 from estimators.prior_fit import Grouping
+from estimators.units import Units, units_of
 
 #: Lengths of the mean that are tried: the one with the smallest deviation of the mass is taken.
 MEANS: Final = (5, 10, 20, 40, 80, 160)

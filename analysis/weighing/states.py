@@ -10,8 +10,10 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.equation import Equation, Floats, Ints, begins
-from estimators.changepoints import Partition, Partitions, Units, partitions
+from estimators.changepoints import Partitions, partitions
 from estimators.levels import Levels
+from estimators.partition_posterior import Partition
+from estimators.units import Units
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
