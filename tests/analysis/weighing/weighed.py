@@ -97,22 +97,23 @@ def weighed(
     """Simulate and replay.
 
     Args:
-        scenario: sections, over nine starts without load.
+        scenario: sections, over nine starts without load; a log a load, in one time line.
         overrides: of the machine file.
         body: what is known of the machine.
         changed: makes other topics of those simulated.
     """
-    log = next(simulate_campaign(Scenario.model_validate(merged(RUNS, scenario))))
+    logs = list(simulate_campaign(Scenario.model_validate(merged(RUNS, scenario))))
+    body_of = logs[0].scenario.machine
     machine = load_machine("cat262c.toml", ['settings.trace.methods=["pooled", "ls"]', *overrides])
     known = {
-        "empty_mass_kg": log.scenario.machine.mass_kg,
-        "force_share": log.scenario.machine.force_share,
+        "empty_mass_kg": body_of.mass_kg,
+        "force_share": body_of.force_share,
         **(body or {}),
     }
     about = machine.machine.model_copy(update=known)
     machine = machine.model_copy(update={"machine": about})
-    true_kg = float(log.trials["mass_kg"][0])
+    true_kg = float(logs[0].trials["mass_kg"][0])
     if changed is not None:
-        log = replace(log, topics=changed(log.topics))
-    machine = reading_memory(machine, log)
-    return Weighed(run(MemoryLog(log), machine), true_kg, machine)
+        logs = [replace(log, topics=changed(log.topics)) for log in logs]
+    machine = reading_memory(machine, logs[0])
+    return Weighed(run([MemoryLog(log) for log in logs], machine), true_kg, machine)
