@@ -51,28 +51,34 @@ def _turned(
     units: GroupSums, shape: LevelShape, of: Ints, kept: float, theta: Floats, variance: float
 ) -> Turned:
     """Weigh down the sums of units, (units,) of a level each."""
-    ratio = (shape.levels.scatter * shape.scale) ** 2 / variance
-    return Turned(*_turn(*_sums_of(units), of, shape.levels.count, kept, theta, ratio, variance))
-
-
-def _sums_of(sums: GroupSums) -> tuple[Floats, Floats, Floats, Floats]:
-    return sums.grams, sums.crosses, sums.noise_gram, sums.noise_cross
+    sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
+    tau = shape.levels.scatter * shape.scale
+    return Turned(*_turn(sums, of, shape.levels.count, kept, theta, tau**2, variance))
 
 
 @compiled
 def _turn(
-    grams: Floats,
-    crosses: Floats,
-    noise_gram: Floats,
-    noise_cross: Floats,
+    sums: tuple[Floats, Floats, Floats, Floats],
     of: Ints,
     count: int,
     kept: float,
     theta: Floats,
-    ratio: float,
+    scatter_square: float,
     variance: float,
 ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-    """The attributes of `Turned`, from sums (units, ...) and the level of each unit, (units,)."""
+    """The attributes of `Turned`.
+
+    Args:
+        sums: of the units: AᵀA, Aᵀf, and what noise added to each.
+        of: (units,) level of each.
+        count: how many levels there are.
+        kept: share of the noise that is taken off.
+        theta: (wide,) the levels first.
+        scatter_square: τ².
+        variance: σ².
+    """
+    grams, crosses, noise_gram, noise_cross = sums
+    ratio = scatter_square / variance
     units, p, _ = grams.shape
     wide = count + p - 1
     turns = np.zeros((units, p, p))
@@ -103,9 +109,7 @@ def _turn(
             for j in range(p):
                 noisy += noise_gram[u, i, j] * own[j]
                 clean[place[i], place[j]] += g[i, j] - lost * g[0, j]
-                gram[place[i], place[j]] += (
-                    grams[u, i, j] - full * grams[u, i, 0] * grams[u, j, 0]
-                )
+                gram[place[i], place[j]] += grams[u, i, j] - full * grams[u, i, 0] * grams[u, j, 0]
                 scatter[place[i], place[j]] += variance * ratio * moved[i] * moved[j]
             bare[place[i]] += c[i] - lost * c[0]
             taken[place[i]] += noisy - lost * first
