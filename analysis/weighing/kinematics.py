@@ -45,6 +45,9 @@ _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
 #: Slip and ground speed, found in turn.
 _PASSES: Final = 3
+#: From earlier words a delay and, by its deviation, a slip that change by less are found.
+_SETTLED_S: Final = 5e-4
+_SETTLED: Final = 0.25
 #: A delay is looked for up to here.
 _LONGEST_DELAY_S: Final = 0.15
 #: Of its speed, no wheel that weighs slips more.
@@ -96,6 +99,11 @@ class Kinematics:
         """Whether wheels and accelerometer go together at all."""
         return self.mismatch <= _MISMATCH
 
+    @property
+    def is_found(self) -> bool:
+        """Whether another motion may begin from here."""
+        return self.goes_together and abs(self.delay_s[0]) < _LONGEST_DELAY_S
+
     def learnt(self, priors: PriorSettings) -> "Kinematics":
         """The same as a calibration says it, once for all its logs.
 
@@ -118,19 +126,31 @@ class Kinematics:
         )
 
 
-def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
+def kinematics(
+    motion: Equation,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    earlier: Kinematics | None = None,
+) -> Kinematics | None:
     """Compare them; None where there is no accelerometer, or no stretch is long enough.
 
     Hills put a gravity on the accelerometer that changes within a manoeuvre. Where that is what
     the comparison stumbles over, it is taken off by the pitch; not before, since a body that
     squats pitches as well, and its gravity must be seen as gain.
+
+    Args:
+        motion: the samples.
+        noise: of acceleration, speed and force.
+        priors: of slip, gain, delay and offset.
+        earlier: what a motion said that is much like this one: it is begun from there.
     """
     if motion.specific_force is None:
         return None
-    found = _compared(motion.specific_force, motion, noise, priors)
+    told = None if earlier is None or not earlier.is_found else earlier.own or earlier
+    found = _compared(motion.specific_force, motion, noise, priors, told)
     if found is None or found.goes_together or motion.without_gravity is None:
         return found
-    level = _compared(motion.without_gravity, motion, noise, priors)
+    level = _compared(motion.without_gravity, motion, noise, priors, told)
     if level is None or not level.goes_together:
         return found
     # a body that squats under acceleration pitches with it, one on hills does not
@@ -155,7 +175,11 @@ def _pitches(gravity: Floats, motion: Equation) -> tuple[float, float]:
 
 
 def _compared(
-    measured: Floats, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings
+    measured: Floats,
+    motion: Equation,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    earlier: Kinematics | None = None,
 ) -> Kinematics | None:
     slip_std = priors.wheel_slip / motion.largest_force
 
@@ -169,23 +193,32 @@ def _compared(
         told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken)
         return prior_fit.fit(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
-    rows = _rows(measured, motion, noise, 0.0)
-    if rows is None:
-        return None
-    delay_s, about = 0.0, slip_std
-    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s)
     largest = _MOST_SLIP / motion.largest_force
-    lines = None
-    for number in range(_PASSES):
-        # the slip is of the ground's speed, and an offset matters by what slip there is
-        slip_1_N = float(np.clip(wide.theta[1], -largest, largest))
-        about = abs(slip_1_N) + float(wide.std[1])
+    delay_s, slip_1_N, about = 0.0, 0.0, slip_std
+    if earlier is not None:
+        delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
+        about = abs(slip_1_N) + earlier.slip_1_N[1]
+    first = 0 if earlier is None else 1
+    rows, lines = None, None
+    for number in range(first, _PASSES + 1):
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
-        delay_s = float(np.clip(delay_s + wide.theta[2], -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
-        rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
+        in_time = motion.with_speed_moved_back(delay_s) if delay_s else motion
+        rows = _rows(measured, in_time, noise, slip_1_N) or rows
+        if rows is None:
+            return None
         # only the last one's deviations count
-        lines = _lines(rows[2]) if number == _PASSES - 1 else None
+        lines = _lines(rows[2]) if earlier is not None or number == _PASSES else None
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines)
+        if number == _PASSES:
+            break
+        # the slip is of the ground's speed, and an offset matters by what slip there is
+        late_s, slips, std = float(wide.theta[2]), float(wide.theta[1]), float(wide.std[1])
+        settled = abs(late_s) < _SETTLED_S and abs(slips - slip_1_N) < _SETTLED * std
+        if settled and earlier is not None:
+            break
+        slip_1_N = float(np.clip(slips, -largest, largest))
+        about = abs(slip_1_N) + std
+        delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
