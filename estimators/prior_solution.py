@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimators.autocorrelation import autocovariance_loss, pooled_autocorrelation
+from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.group_sums import GroupSums
@@ -159,20 +159,28 @@ def solve_with_priors(
     group: Ints,
     sums: GroupSums,
     shape: LevelShape,
-    precision: Floats,
-    believed: Floats,
-    taken: Floats | None,
+    priors: tuple[Floats, Floats],
+    correlated: tuple[Floats | None, Floats],
 ) -> Solved:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
 
     S is σ² AᵀA, by the residuals' long-run variance, and what is uncertain of the noise's
     correction: without it more samples of the same would outvote the priors with that error.
 
+    Args:
+        A: (n, p) columns.
+        f: (n,) response.
+        group: (n,) the group of each sample.
+        sums: of the groups.
+        shape: of the parameters.
+        priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
+        correlated: (n, q) columns that were taken off each group, and their `autocovariance_loss`.
+
     Raises:
         LinAlgError: the samples do not determine it.
     """
     n = int((group >= 0).sum())
-    loss = autocovariance_loss(group, taken)
+    (precision, believed), (taken, loss) = priors, correlated
     index = np.full(f.size, -1, np.int64)
     for i, part in enumerate(sums.rows):
         index[part] = i

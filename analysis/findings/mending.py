@@ -115,13 +115,14 @@ def _mass_kg(case: Case, motion: Equation) -> float | None:
     states = None if fit.states is None else fit.states.among(motion)
     if states is not None and states.count != case.kept.setdefault("states", states.count):
         return None
-    wheels = case.kept.get("wheels") if known else None
-    if not isinstance(wheels, Kinematics):
-        wheels = kinematics(motion, noise, priors, fit.kinematics)
+    earlier = case.kept.get("wheels")
+    wheels = earlier if isinstance(earlier, Kinematics) else fit.kinematics
+    if not known or earlier is None:
+        wheels = kinematics(motion, noise, priors, wheels)
     if known:
         case.kept["wheels"] = wheels
     begun = replace(fit, motion=motion, kinematics=wheels, states=states)
-    found = _refitted(begun, noise, priors).mass_kg
+    found = _refitted(begun, noise, priors, known=known).mass_kg
     return found if np.isfinite(found) else None
 
 
@@ -148,11 +149,22 @@ def _differ_by_constant(old: Floats, new: Floats) -> bool:
     return float(np.ptp(new - old)) < _SAME_M_S2
 
 
-def _refitted(begun: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
-    """Fit from another one's parameters on; its lag by the first stretches where there are more."""
+def _refitted(
+    begun: JointFit, noise: NoiseOfColumns, priors: PriorSettings, *, known: bool
+) -> JointFit:
+    """Fit from another one's parameters on; its lag by the first stretches where there are more.
+
+    Args:
+        begun: what is known.
+        noise: of the columns.
+        priors: of the nuisances.
+        known: whether neither force nor speed changes, and with them no lag.
+    """
     part = begun.motion.beginning(_PILOT)
     if part is begun.motion:
-        return again(begun, noise, priors, rounds=_ROUNDS)
+        return again(begun, noise, priors, rounds=_ROUNDS - known)
+    if known:
+        return again(begun, noise, priors)
     states = None if begun.states is None else begun.states.among(part)
     pilot = again(replace(begun, motion=part, states=states), noise, priors, rounds=_PILOT_ROUNDS)
     theta = begun.theta.copy()

@@ -25,6 +25,7 @@ from analysis.weighing.equation import (
 )
 from analysis.weighing.nuisances import const_width
 from estimators import prior_fit
+from estimators.autocorrelation import autocovariance_loss
 from estimators.compiled import compiled
 from estimators.fit_loss import group_rows
 from estimators.group_sums import NoiseMoments
@@ -45,9 +46,8 @@ _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
 #: Slip and ground speed, found in turn.
 _PASSES: Final = 3
-#: From earlier words a delay and, by its deviation, a slip that change by less are found.
+#: A delay begun from earlier words that changes by less is found.
 _SETTLED_S: Final = 5e-4
-_SETTLED: Final = 0.25
 #: A delay is looked for up to here.
 _LONGEST_DELAY_S: Final = 0.15
 #: Of its speed, no wheel that weighs slips more.
@@ -188,9 +188,9 @@ def _compared(
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solved(
-        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None = None
+        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
     ) -> prior_fit.PriorFit:
-        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken)
+        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken, loss=loss)
         return prior_fit.fit(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
     largest = _MOST_SLIP / motion.largest_force
@@ -198,33 +198,35 @@ def _compared(
     if earlier is not None:
         delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
         about = abs(slip_1_N) + earlier.slip_1_N[1]
-    first = 0 if earlier is None else 1
-    rows, lines = None, None
-    for number in range(first, _PASSES + 1):
-        # a delay is no derivative: the speed is moved back by what was found, and looked at again
-        in_time = motion.with_speed_moved_back(delay_s) if delay_s else motion
-        rows = _rows(measured, in_time, noise, slip_1_N) or rows
-        if rows is None:
-            return None
-        # only the last one's deviations count
-        lines = _lines(rows[2]) if earlier is not None or number == _PASSES else None
-        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines)
-        if number == _PASSES:
+    rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N)
+    if rows is None:
+        return None
+    lines = loss = None
+    if earlier is not None:
+        lines = _lines(rows[2])
+        loss = autocovariance_loss(rows[2], lines)
+    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
+    for number in range(_PASSES):
+        late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
+        if earlier is not None and abs(late_s) < _SETTLED_S:
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is
-        late_s, slips, std = float(wide.theta[2]), float(wide.theta[1]), float(wide.std[1])
-        settled = abs(late_s) < _SETTLED_S and abs(slips - slip_1_N) < _SETTLED * std
-        if settled and earlier is not None:
-            break
-        slip_1_N = float(np.clip(slips, -largest, largest))
-        about = abs(slip_1_N) + std
+        slip_1_N = float(np.clip(slips_1_N, -largest, largest))
+        about = abs(slip_1_N) + float(wide.std[1])
+        # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
+        rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
+        # only the last one's deviations count
+        if lines is None and number == _PASSES - 1:
+            lines = _lines(rows[2])
+            loss = autocovariance_loss(rows[2], lines)
+        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
     counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
     std = widths(_WIDE_GAIN if counts else priors.gain, about)
-    found = wide if counts else solved(rows, std, delay_s, lines)
+    found = wide if counts else solved(rows, std, delay_s, lines, loss)
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
