@@ -68,7 +68,17 @@ def _add_run(run: Floats, count: int, sums: Floats) -> None:
         if first >= n:
             break
         own = sums[first : first + _AT_ONCE]
-        for k in range(min(count, n - first)):
+        last = min(count, n - first)
+        # four terms of each sum between loading and storing it, in their order
+        for k in range(0, last - 3, 4):
+            e0, e1, e2, e3 = padded[k], padded[k + 1], padded[k + 2], padded[k + 3]
+            others = padded[k + first : k + first + _AT_ONCE + 3]
+            for d in range(_AT_ONCE):
+                total = own[d] + e0 * others[d]
+                total += e1 * others[d + 1]
+                total += e2 * others[d + 2]
+                own[d] = total + e3 * others[d + 3]
+        for k in range(last - last % 4, last):
             e, others = padded[k], padded[k + first : k + first + _AT_ONCE]
             for d in range(_AT_ONCE):
                 own[d] += e * others[d]
