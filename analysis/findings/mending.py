@@ -23,11 +23,11 @@ from analysis.weighing.kinematics import Kinematics, kinematics
 _OF_REPLAY: Final = 0.5
 #: Of the change itself: what is mended is not all that the cause did.
 _OF_SIZE: Final = 0.05
-#: Rounds of a refit; of many stretches the first ones alone find lag and slip, in so many rounds,
-#: and all of them are fitted once.
+#: Rounds of a refit; of many stretches the first ones alone find lag and slip, in one round more
+#: where the lag moves by so much, and all of them are fitted once.
 _ROUNDS: Final = 3
 _PILOT: Final = 24
-_PILOT_ROUNDS: Final = 2
+_LAG_MOVES_S: Final = 1e-3
 #: So far samples are looked for by what moves force and speed in time.
 _REACH_S: Final = 0.4
 
@@ -166,7 +166,9 @@ def _refitted(
     if known:
         return again(begun, noise, priors)
     states = None if begun.states is None else begun.states.among(part)
-    pilot = again(replace(begun, motion=part, states=states), noise, priors, rounds=_PILOT_ROUNDS)
+    pilot = again(replace(begun, motion=part, states=states), noise, priors)
+    if abs(pilot.found.lag_s - begun.found.lag_s) > _LAG_MOVES_S:
+        pilot = again(pilot, noise, priors)
     theta = begun.theta.copy()
     theta[begun.count] = pilot.viscous
     return again(replace(begun, found=pilot.found, theta=theta), noise, priors)

@@ -189,9 +189,9 @@ def _compared(
 
     def solved(
         rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
-    ) -> prior_fit.PriorFit:
+    ) -> prior_fit.PriorSolution | prior_fit.NoSolution:
         told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken, loss=loss)
-        return prior_fit.fit(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
+        return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
     largest = _MOST_SLIP / motion.largest_force
     delay_s, slip_1_N, about = 0.0, 0.0, slip_std
@@ -212,7 +212,7 @@ def _compared(
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is
         slip_1_N = float(np.clip(slips_1_N, -largest, largest))
-        about = abs(slip_1_N) + float(wide.std[1])
+        about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
         delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
         rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
@@ -221,12 +221,13 @@ def _compared(
             lines = _lines(rows[2])
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
-    mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
+    free = wide.fit
+    mismatch = free.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
-    counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
+    counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
     std = widths(_WIDE_GAIN if counts else priors.gain, about)
-    found = wide if counts else solved(rows, std, delay_s, lines, loss)
+    found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
@@ -235,7 +236,7 @@ def _compared(
         zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
     )
     return Kinematics(
-        gain=(float(wide.theta[0]), float(wide.std[0])),
+        gain=(float(free.theta[0]), float(free.std[0])),
         gain_by_prior=values[0],
         slip_1_N=values[1],
         delay_s=(delay_s + values[2][0], values[2][1]),
