@@ -181,6 +181,7 @@ def _compared(
     priors: PriorSettings,
     earlier: Kinematics | None = None,
 ) -> Kinematics | None:
+    """Fit the comparison, from earlier words on where there are any."""
     slip_std = priors.wheel_slip / motion.largest_force
 
     def widths(gain_std: float, slip_1_N: float) -> Floats:
