@@ -136,6 +136,7 @@ def _goes_alike(before: Equation, after: Equation) -> bool:
     ):
         return False
     pairs = (
+        (before.acceleration, after.acceleration),
         (before.specific_force, after.specific_force),
         (before.without_gravity, after.without_gravity),
     )
