@@ -68,7 +68,17 @@ def _add_run(run: Floats, count: int, sums: Floats) -> None:
         if first >= n:
             break
         own = sums[first : first + _AT_ONCE]
-        for k in range(min(count, n - first)):
+        last = min(count, n - first)
+        # four terms of each sum between loading and storing it, in their order
+        for k in range(0, last - 3, 4):
+            e0, e1, e2, e3 = padded[k], padded[k + 1], padded[k + 2], padded[k + 3]
+            others = padded[k + first : k + first + _AT_ONCE + 3]
+            for d in range(_AT_ONCE):
+                total = own[d] + e0 * others[d]
+                total += e1 * others[d + 1]
+                total += e2 * others[d + 2]
+                own[d] = total + e3 * others[d + 3]
+        for k in range(last - last % 4, last):
             e, others = padded[k], padded[k + first : k + first + _AT_ONCE]
             for d in range(_AT_ONCE):
                 own[d] += e * others[d]
@@ -149,19 +159,26 @@ def pooled_autocorrelation(
     return corrected / corrected[0], float(corrected[0])
 
 
+@compiled
 def _flat_top(kept: int, limit: int) -> Floats:
     """Weights (limit,) of the lags: 1 up to `kept`, falling to 0 at twice as many."""
     width = min(2 * kept, limit)
-    return np.clip(2.0 * (1.0 - np.arange(limit) / width), 0.0, 1.0)
+    out = np.empty(limit)
+    for lag in range(limit):
+        out[lag] = min(max(2.0 * (1.0 - lag / width), 0.0), 1.0)
+    return out
 
 
+@compiled
 def _quiet_from(covariance: Floats, noise: float, run: int) -> int:
     """The first lag from which on `run` lags, or all that are left, stay within the noise."""
-    quiet = np.abs(covariance / covariance[0]) < noise
-    for lag in range(1, quiet.size):
-        if quiet[lag : lag + run].all():
-            return lag
-    return quiet.size
+    first = 1
+    for lag in range(1, covariance.size):
+        if not abs(covariance[lag] / covariance[0]) < noise:
+            first = lag + 1
+        elif lag - first + 1 >= run:
+            break
+    return first
 
 
 def _restored(found: Floats, loss: Floats, taper: Floats) -> Floats:

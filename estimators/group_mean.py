@@ -7,33 +7,43 @@ from estimators.estimate import Floats, Ints
 
 
 @compiled
-def trailing_group_mean(x: Floats, group: Ints, samples: int) -> tuple[Floats, Ints]:
-    """Average each sample with up to `samples` - 1 before it that adjoin it in its group.
+def trailing_group_means(
+    columns: Floats, group: Ints, samples: int, rows: Ints
+) -> tuple[Floats, Ints]:
+    """Average samples with up to `samples` - 1 before each that adjoin it in its group.
 
     Args:
-        x: (n,) values; where the group is negative they are not looked at.
+        columns: (p, n) values; where the group is negative they are not looked at.
         group: (n,) group of each sample, negative for none.
         samples: most samples in a mean.
+        rows: (m,) samples of groups whose means are wanted, ascending.
 
     Returns:
-        (n,) means, 0 where no group is, and (n,) how many samples each is of.
+        (m, p) means, and (m,) how many samples each is of.
     """
-    n = x.size
-    mean = np.zeros(n)
-    count = np.zeros(n, np.int64)
+    p, n = columns.shape
+    mean, count = np.empty((rows.size, p)), np.empty(rows.size, np.int64)
+    longest, begin = 0, 0
+    for k in range(n):
+        if group[k] < 0 or (k > 0 and group[k] != group[k - 1]):
+            begin = k
+        longest = max(longest, k + 1 - begin)
     # of the group so far, so that rounding does not add up over the log
-    total = np.zeros(n + 1)
-    begin = 0
+    total = np.zeros((longest + 1, p))
+    begin, at = 0, 0
     for k in range(n):
         if group[k] < 0:
             begin = k + 1
-            total[begin] = 0.0
             continue
         if k > 0 and group[k] != group[k - 1]:
             begin = k
-            total[begin] = 0.0
-        total[k + 1] = total[k] + x[k]
-        first = max(begin, k + 1 - samples)
-        count[k] = k + 1 - first
-        mean[k] = (total[k + 1] - total[first]) / count[k]
+        i = k - begin
+        for j in range(p):
+            total[i + 1, j] = total[i, j] + columns[j, k]
+        if at < rows.size and rows[at] == k:
+            first = max(0, i + 1 - samples)
+            count[at] = i + 1 - first
+            for j in range(p):
+                mean[at, j] = (total[i + 1, j] - total[first, j]) / count[at]
+            at += 1
     return mean, count

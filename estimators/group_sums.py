@@ -157,6 +157,8 @@ class GroupSums:
 
     def by(self, unit: Ints) -> Self:
         """Add up the groups of one unit each, (groups,) from 0; the rows stay the groups'."""
+        if np.array_equal(unit, np.arange(len(self.rows))):
+            return self
 
         def added(values: Floats) -> Floats:
             out = np.zeros((int(unit.max()) + 1, *values.shape[1:]))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 
 
@@ -57,14 +58,7 @@ class LevelShape:
 
     def square(self, values: Floats, of: Ints | None = None) -> Floats:
         """The sum (wide, wide) of (groups, p, p)."""
-        count, of = self.levels.count, self.levels.of if of is None else of
-        out = np.zeros((count + self.p - 1, count + self.p - 1))
-        np.add.at(out, (of, of), values[:, 0, 0])
-        for j in range(1, self.p):
-            np.add.at(out[:, count + j - 1], of, values[:, 0, j])
-            np.add.at(out[count + j - 1], of, values[:, j, 0])
-        out[count:, count:] = values[:, 1:, 1:].sum(axis=0)
-        return out
+        return _square(values, self.levels.of if of is None else of, self.levels.count)
 
     def wide(self, turns: Floats, of: Ints) -> Floats:
         """(wide, p) of (groups, p, p): what an error that all share does to the scores."""
@@ -79,3 +73,16 @@ class LevelShape:
         out = np.zeros(int(self.levels.unit.max()) + 1, np.int64)
         out[self.levels.unit] = self.levels.of
         return out
+
+
+@compiled
+def _square(values: Floats, of: Ints, count: int) -> Floats:
+    """The sum (wide, wide) of (groups, p, p), the first row and column of each at its level."""
+    groups, p, _ = values.shape
+    out = np.zeros((count + p - 1, count + p - 1))
+    for g in range(groups):
+        for i in range(p):
+            row = of[g] if i == 0 else count + i - 1
+            for j in range(p):
+                out[row, of[g] if j == 0 else count + j - 1] += values[g, i, j]
+    return out

@@ -14,7 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from estimators.autocorrelation import pooled_autocorrelation, student_factor
+from estimators.autocorrelation import (
+    autocovariance_loss,
+    pooled_autocorrelation,
+    student_factor,
+)
 from estimators.estimate import Floats, Ints
 from estimators.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.levels import Levels, LevelShape
@@ -40,12 +44,14 @@ class Grouping:
         shortest: groups of fewer samples tell nothing of their own.
         levels: of the first parameter; None gives it one, and widens by groups that disagree.
         taken: (n, q) columns that were taken off each group's response and columns; None: none.
+        loss: `autocovariance_loss` of these, where it is at hand.
     """
 
     direction: Floats | None = None
     shortest: int = 50
     levels: Levels | None = None
     taken: Floats | None = None
+    loss: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -227,8 +233,9 @@ def solve(
     believed = precision * prior_mean * scale
     # a fit of few parameters takes nothing out of many groups
     taken = A if grouping.taken is None and len(sums.rows) < _FEW_GROUPS else grouping.taken
+    loss = autocovariance_loss(group, taken) if grouping.loss is None else grouping.loss
     try:
-        solved = solve_with_priors(A, f, group, sums, shape, precision, believed, taken)
+        solved = solve_with_priors(A, f, group, sums, shape, (precision, believed), (taken, loss))
     except np.linalg.LinAlgError:
         return nothing
     theta = solved.theta / shape.widened(scale)

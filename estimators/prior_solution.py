@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimators.autocorrelation import autocovariance_loss, pooled_autocorrelation
+from estimators.autocorrelation import pooled_autocorrelation
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.group_sums import GroupSums
@@ -48,53 +48,93 @@ class Turned:
 
 
 def _turned(
-    sums: GroupSums, shape: LevelShape, kept: float, theta: Floats, variance: float
+    units: GroupSums, shape: LevelShape, of: Ints, kept: float, theta: Floats, variance: float
 ) -> Turned:
-    levels, of = shape.levels, shape.of_units
-    each = sums.by(levels.unit)
-    clean = each.grams - kept * each.noise_gram
-    bare = each.crosses - kept * each.noise_cross
-    first = np.zeros((of.size, shape.p))
-    first[levels.unit] = shape.by_group(theta)
-    taken = np.einsum("uij,uj->ui", each.noise_gram, first) - each.noise_cross
-    ratio = (levels.scatter * shape.scale) ** 2 / variance
-    column = clean[:, :, 0]
-    weight = ratio / (1.0 + ratio * np.maximum(column[:, 0], 0.0))
-    turns = np.tile(np.eye(shape.p), (of.size, 1, 1))
-    turns[:, :, 0] -= weight[:, None] * column
-    moved = np.einsum("uij,uj->ui", turns, column)
-    by_tau = variance * ratio * np.einsum("ui,uj->uij", moved, moved)
-    full = each.grams - (ratio / (1.0 + ratio * each.grams[:, 0, 0]))[:, None, None] * np.einsum(
-        "ui,uj->uij", each.grams[:, :, 0], each.grams[:, :, 0]
-    )
-    return Turned(
-        turns,
-        shape.square(turns @ clean, of),
-        _summed(np.einsum("uij,uj->ui", turns, bare), of, levels.count),
-        shape.square(full, of),
-        _summed(np.einsum("uij,uj->ui", turns, taken), of, levels.count),
-        shape.square(by_tau, of),
-    )
-
-
-def _summed(values: Floats, of: Ints, count: int) -> Floats:
-    """The sum (wide,) of (units, p)."""
-    out = np.zeros(count + values.shape[1] - 1)
-    np.add.at(out, of, values[:, 0])
-    out[count:] = values[:, 1:].sum(axis=0)
-    return out
+    """Weigh down the sums of units, (units,) of a level each."""
+    sums = units.grams, units.crosses, units.noise_gram, units.noise_cross
+    tau = shape.levels.scatter * shape.scale
+    return Turned(*_turn(sums, of, shape.levels.count, kept, theta, tau**2, variance))
 
 
 @compiled
-def _residual(A: Floats, f: Floats, group: Ints, theta: Floats) -> Floats:
-    """Response less A θ of each sample's group, (n,), 0 where it has none (group < 0)."""
+def _turn(
+    sums: tuple[Floats, Floats, Floats, Floats],
+    of: Ints,
+    count: int,
+    kept: float,
+    theta: Floats,
+    scatter_square: float,
+    variance: float,
+) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    """The attributes of `Turned`.
+
+    Args:
+        sums: of the units: AᵀA, Aᵀf, and what noise added to each.
+        of: (units,) level of each.
+        count: how many levels there are.
+        kept: share of the noise that is taken off.
+        theta: (wide,) the levels first.
+        scatter_square: τ².
+        variance: σ².
+    """
+    grams, crosses, noise_gram, noise_cross = sums
+    ratio = scatter_square / variance
+    units, p, _ = grams.shape
+    wide = count + p - 1
+    turns = np.zeros((units, p, p))
+    clean, gram, scatter = np.zeros((wide, wide)), np.zeros((wide, wide)), np.zeros((wide, wide))
+    bare, taken = np.zeros(wide), np.zeros(wide)
+    place, own = np.arange(count - 1, wide), np.empty(p)
+    g, c, moved = np.empty((p, p)), np.empty(p), np.empty(p)
+    for u in range(units):
+        place[0] = of[u]
+        for i in range(p):
+            own[i] = theta[place[i]]
+            c[i] = crosses[u, i] - kept * noise_cross[u, i]
+            for j in range(p):
+                g[i, j] = grams[u, i, j] - kept * noise_gram[u, i, j]
+        weight = ratio / (1.0 + ratio * max(g[0, 0], 0.0))
+        full = ratio / (1.0 + ratio * grams[u, 0, 0])
+        for i in range(p):
+            turns[u, i, i] = 1.0
+        first = -noise_cross[u, 0]
+        for j in range(p):
+            first += noise_gram[u, 0, j] * own[j]
+        for i in range(p):
+            turns[u, i, 0] -= weight * g[i, 0]
+            moved[i] = g[i, 0] - weight * g[i, 0] * g[0, 0]
+        for i in range(p):
+            lost = weight * g[i, 0]
+            noisy = -noise_cross[u, i]
+            for j in range(p):
+                noisy += noise_gram[u, i, j] * own[j]
+                clean[place[i], place[j]] += g[i, j] - lost * g[0, j]
+                gram[place[i], place[j]] += grams[u, i, j] - full * grams[u, i, 0] * grams[u, j, 0]
+                scatter[place[i], place[j]] += variance * ratio * moved[i] * moved[j]
+            bare[place[i]] += c[i] - lost * c[0]
+            taken[place[i]] += noisy - lost * first
+    return turns, clean, bare, gram, taken, scatter
+
+
+@compiled
+def _residual(A: Floats, f: Floats, group: Ints, theta: Floats, of: Ints, count: int) -> Floats:
+    """Response less A θ, (n,), 0 where a sample has no group (group < 0).
+
+    Args:
+        A: (n, p).
+        f: (n,).
+        group: (n,) from 0.
+        theta: (wide,) the levels first.
+        of: (groups,) level of each.
+        count: how many levels there are.
+    """
     out = np.zeros(f.size)
+    shared = theta[count:]
     for k in range(f.size):
         if group[k] >= 0:
-            left = f[k]
-            own = theta[group[k]]
-            for i in range(A.shape[1]):
-                left -= A[k, i] * own[i]
+            left = f[k] - A[k, 0] * theta[of[group[k]]]
+            for i in range(shared.size):
+                left -= A[k, i + 1] * shared[i]
             out[k] = left
     return out
 
@@ -119,20 +159,28 @@ def solve_with_priors(
     group: Ints,
     sums: GroupSums,
     shape: LevelShape,
-    precision: Floats,
-    believed: Floats,
-    taken: Floats | None,
+    priors: tuple[Floats, Floats],
+    correlated: tuple[Floats | None, Floats],
 ) -> Solved:
     """Solve (G S⁻¹ G + P⁻¹) θ = G S⁻¹ b + P⁻¹ θ₀, S the covariance of what G θ misses of b.
 
     S is σ² AᵀA, by the residuals' long-run variance, and what is uncertain of the noise's
     correction: without it more samples of the same would outvote the priors with that error.
 
+    Args:
+        A: (n, p) columns.
+        f: (n,) response.
+        group: (n,) the group of each sample.
+        sums: of the groups.
+        shape: of the parameters.
+        priors: (p,) precisions P⁻¹, and (p,) P⁻¹ θ₀.
+        correlated: (n, q) columns that were taken off each group, and their `autocovariance_loss`.
+
     Raises:
         LinAlgError: the samples do not determine it.
     """
     n = int((group >= 0).sum())
-    loss = autocovariance_loss(group, taken)
+    (precision, believed), (taken, loss) = priors, correlated
     index = np.full(f.size, -1, np.int64)
     for i, part in enumerate(sums.rows):
         index[part] = i
@@ -145,23 +193,23 @@ def solve_with_priors(
     theta = shape.widened(np.asarray(first, np.float64))
     wide_precision, wide_believed = shape.widened(precision), shape.widened(believed)
     solved: Solved | None = None
+    units, of_units, of = sums.by(shape.levels.unit), shape.of_units, shape.levels.of
     for _ in range(_ROUNDS):
         if not variance > 0.0:
             raise np.linalg.LinAlgError("no residuals")
         share = _noise_share(added, gram + variance * np.diag(precision))
         kept = min(1.0, _LARGEST_NOISE_SHARE / share) if share > 0 else 1.0
-        turned = _turned(sums, shape, kept, theta, variance)
+        turned = _turned(units, shape, of_units, kept, theta, variance)
         if solved is None:
             found = np.linalg.inv(turned.clean / variance + np.diag(wide_precision))
             theta = found @ (turned.bare / variance + wide_believed)
-            turned = _turned(sums, shape, kept, theta, variance)
+            turned = _turned(units, shape, of_units, kept, theta, variance)
         weighed = _weighed(turned.clean, turned.gram, variance, doubted_share(kept) * turned.taken)
         bread = np.asarray(
             np.linalg.inv(weighed @ turned.clean + np.diag(wide_precision)), np.float64
         )
         theta = bread @ (weighed @ turned.bare + wide_believed)
-        own = shape.by_group(theta)
-        residual = _residual(A, f, index, own)
+        residual = _residual(A, f, index, theta, of, shape.levels.count)
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
         white = float(residual @ residual) / (n - theta.size)
         gain = bread @ weighed

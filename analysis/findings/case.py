@@ -14,9 +14,10 @@ from analysis.diagnosis.signals import Ints, Series
 from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.schema import values
-from analysis.weighing.equation import Equation
+from analysis.weighing.equation import Equation, KeptNoise, NoiseOfColumns
 from analysis.weighing.joint_result import JointFit
 from analysis.windows import windows_with
+from estimators.compiled import compiled
 
 #: Channels of the force and of the speed, as a machine file may have them.
 FORCES: Final = ("torque_left_N_m", "torque_right_N_m", "force_x_N")
@@ -72,9 +73,10 @@ class Case:
         return dict(zip(self.judged["check"].to_list(), numbers, strict=True))
 
     @cached_property
-    def column_noise(self) -> ColumnNoise | None:
+    def column_noise(self) -> NoiseOfColumns | None:
         """Noise of acceleration, speed and force."""
-        return ColumnNoise.of(X, self.noise, self.machine.settings.noise)
+        found = ColumnNoise.of(X, self.noise, self.machine.settings.noise)
+        return None if found is None else KeptNoise(found)
 
     @cached_property
     def stands(self) -> Bools:
@@ -128,7 +130,7 @@ class Case:
     def moves_at(self, unix_ns: Ints) -> Bools:
         """Whether the machine moves at these stamps, (n,)."""
         t = self.aligned["t_ns"].to_numpy() + self.evidence.t0_unix_ns
-        return ~self.stands[np.clip(np.searchsorted(t, unix_ns), 0, t.size - 1)]
+        return ~self.stands[np.minimum(_places(t, unix_ns), t.size - 1)]
 
     def force_per(self, channel: str) -> float:
         """The longitudinal force in N that one of a force channel stands for (17)."""
@@ -178,3 +180,17 @@ class Case:
             return np.full(motion.force.size, fit.mass_kg)
         place = np.searchsorted(fit.states.unit, motion.unit, "right") - 1
         return fit.masses_kg[fit.states.of[place.clip(0, fit.states.unit.size - 1)]]
+
+
+@compiled
+def _places(t: Ints, stamps: Ints) -> Ints:
+    """Where stamps, (n,), stand among ascending ones: `searchsorted` of stamps mostly in order."""
+    out = np.empty(stamps.size, np.int64)
+    at = 0
+    for k in range(stamps.size):
+        while at < t.size and t[at] < stamps[k]:
+            at += 1
+        while at > 0 and t[at - 1] >= stamps[k]:
+            at -= 1
+        out[k] = at
+    return out

@@ -58,7 +58,10 @@ def gravity(case: Case) -> np.typing.NDArray[np.float64]:
     """Gravity along x by the pitch, (n,) in m/s²; 0 where there is none."""
     if not has_pitch(case):
         return np.zeros(case.aligned.height)
-    return case.machine.machine.gravity_m_s2 * np.sin(values(case.aligned, _PITCH))
+    if "gravity" not in case.kept:
+        pitch = values(case.aligned, _PITCH)
+        case.kept["gravity"] = case.machine.machine.gravity_m_s2 * np.sin(pitch)
+    return case.kept["gravity"]  # type: ignore[return-value]
 
 
 def constants(case: Case) -> Constants:

@@ -18,7 +18,7 @@ from analysis.weighing.equation import (
 )
 from analysis.weighing.nuisances import Moments, Nuisance
 from estimators import group_sums
-from estimators.group_mean import trailing_group_mean
+from estimators.group_mean import trailing_group_means
 from estimators.group_sums import NoiseMoments
 from estimators.threads import mapped
 
@@ -167,12 +167,12 @@ def _averaged(
     )
     group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
     kept = np.flatnonzero(_thinned(group, stride_of(samples)))
-    columns = [raw.acceleration, raw.speed, *(term.column(raw) for term in terms)]
-    A = np.empty((kept.size, len(columns)))
-    for column, x in enumerate(columns):
-        A[:, column] = trailing_group_mean(x, group, samples)[0][kept]
-    f, count = trailing_group_mean(force, group, samples)
-    return _Averaged(A, f[kept], group[kept], count[kept], raw.at(kept))
+    columns = np.empty((len(terms) + 3, group.size))
+    columns[0], columns[1], columns[-1] = raw.acceleration, raw.speed, force
+    for place, term in enumerate(terms, start=2):
+        columns[place] = term.column(raw)
+    means, count = trailing_group_means(columns, group, samples, kept)
+    return _Averaged(means[:, :-1], means[:, -1], group[kept], count, raw.at(kept))
 
 
 def stride_of(samples: int) -> int:

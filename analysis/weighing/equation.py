@@ -6,7 +6,7 @@ samples as they are, from the break-away on, and averages inside a manoeuvre onl
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, Protocol
 
@@ -59,6 +59,24 @@ class NoiseOfColumns(Protocol):
 
 
 @dataclass(frozen=True)
+class KeptNoise:
+    """The same noise, each length of a mean worked out once.
+
+    Attributes:
+        columns: whose noise it is.
+    """
+
+    columns: NoiseOfColumns
+    _known: dict[int, Floats] = field(default_factory=dict)
+
+    def covariance(self, samples: int) -> Floats:
+        """(3, 3) of the trailing mean of so many samples."""
+        if samples not in self._known:
+            self._known[samples] = self.columns.covariance(samples)
+        return self._known[samples]
+
+
+@dataclass(frozen=True)
 class Equation:
     """The columns of f = m a + b v, (n,) each, and the manoeuvre of each sample.
 
@@ -101,8 +119,17 @@ class Equation:
         end = int(np.argmax(self.group >= stretches))
         return replace(self._cut(slice(0, end)), progress=_progress(end))
 
-    def _cut(self, cut: slice) -> "Equation":
-        """The samples of a slice."""
+    def around_fitted(self, reach_s: float) -> "Equation":
+        """The same without samples that are farther than so from any that may be fitted.
+
+        What moves the force or the speed in time by no more finds what it would.
+        """
+        size = math.ceil(reach_s * self.rate_hz) + 1
+        near = windows_with(self.used, size) | windows_with(self.used[::-1], size)[::-1]
+        return self._cut(np.flatnonzero(near))
+
+    def _cut(self, cut: slice | Ints) -> "Equation":
+        """Some of the samples."""
         level, measured = self.without_gravity, self.specific_force
         return replace(
             self,

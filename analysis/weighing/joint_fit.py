@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, averages
-from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
+from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
 from analysis.weighing.joint_result import JointFit, MotionResponses, PriorMeans, place_of
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import NUISANCES, Nuisance, const_width, offset_in_const
@@ -70,6 +70,7 @@ class Fitted:
     @classmethod
     def of(cls, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
         """Ask the wheels."""
+        noise = KeptNoise(noise)
         return cls(motion, noise, priors, _wheels(motion, noise, priors))
 
 

@@ -25,6 +25,7 @@ from analysis.weighing.equation import (
 )
 from analysis.weighing.nuisances import const_width
 from estimators import prior_fit
+from estimators.autocorrelation import autocovariance_loss
 from estimators.compiled import compiled
 from estimators.fit_loss import group_rows
 from estimators.group_sums import NoiseMoments
@@ -45,6 +46,8 @@ _GAIN_COUNTS: Final = 3.5
 _LEAST_GAIN: Final = 0.01
 #: Slip and ground speed, found in turn.
 _PASSES: Final = 3
+#: A delay begun from earlier words that changes by less is found.
+_SETTLED_S: Final = 5e-4
 #: A delay is looked for up to here.
 _LONGEST_DELAY_S: Final = 0.15
 #: Of its speed, no wheel that weighs slips more.
@@ -96,6 +99,11 @@ class Kinematics:
         """Whether wheels and accelerometer go together at all."""
         return self.mismatch <= _MISMATCH
 
+    @property
+    def is_found(self) -> bool:
+        """Whether another motion may begin from here."""
+        return self.goes_together and abs(self.delay_s[0]) < _LONGEST_DELAY_S
+
     def learnt(self, priors: PriorSettings) -> "Kinematics":
         """The same as a calibration says it, once for all its logs.
 
@@ -118,19 +126,31 @@ class Kinematics:
         )
 
 
-def kinematics(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Kinematics | None:
+def kinematics(
+    motion: Equation,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    earlier: Kinematics | None = None,
+) -> Kinematics | None:
     """Compare them; None where there is no accelerometer, or no stretch is long enough.
 
     Hills put a gravity on the accelerometer that changes within a manoeuvre. Where that is what
     the comparison stumbles over, it is taken off by the pitch; not before, since a body that
     squats pitches as well, and its gravity must be seen as gain.
+
+    Args:
+        motion: the samples.
+        noise: of acceleration, speed and force.
+        priors: of slip, gain, delay and offset.
+        earlier: what a motion said that is much like this one: it is begun from there.
     """
     if motion.specific_force is None:
         return None
-    found = _compared(motion.specific_force, motion, noise, priors)
+    told = None if earlier is None or not earlier.is_found else earlier.own or earlier
+    found = _compared(motion.specific_force, motion, noise, priors, told)
     if found is None or found.goes_together or motion.without_gravity is None:
         return found
-    level = _compared(motion.without_gravity, motion, noise, priors)
+    level = _compared(motion.without_gravity, motion, noise, priors, told)
     if level is None or not level.goes_together:
         return found
     # a body that squats under acceleration pitches with it, one on hills does not
@@ -155,8 +175,13 @@ def _pitches(gravity: Floats, motion: Equation) -> tuple[float, float]:
 
 
 def _compared(
-    measured: Floats, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings
+    measured: Floats,
+    motion: Equation,
+    noise: NoiseOfColumns,
+    priors: PriorSettings,
+    earlier: Kinematics | None = None,
 ) -> Kinematics | None:
+    """Fit the comparison, from earlier words on where there are any."""
     slip_std = priors.wheel_slip / motion.largest_force
 
     def widths(gain_std: float, slip_1_N: float) -> Floats:
@@ -164,34 +189,46 @@ def _compared(
         return np.array([gain_std, slip_std, priors.speed_delay_s, offset])
 
     def solved(
-        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None = None
-    ) -> prior_fit.PriorFit:
-        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken)
-        return prior_fit.fit(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
+        rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
+    ) -> prior_fit.PriorSolution | prior_fit.NoSolution:
+        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken, loss=loss)
+        return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
-    rows = _rows(measured, motion, noise, 0.0)
+    largest = _MOST_SLIP / motion.largest_force
+    delay_s, slip_1_N, about = 0.0, 0.0, slip_std
+    if earlier is not None:
+        delay_s, slip_1_N = earlier.delay_s[0], earlier.slip_1_N[0]
+        about = abs(slip_1_N) + earlier.slip_1_N[1]
+    rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N)
     if rows is None:
         return None
-    delay_s, about = 0.0, slip_std
-    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s)
-    largest = _MOST_SLIP / motion.largest_force
-    lines = None
+    lines = loss = None
+    if earlier is not None:
+        lines = _lines(rows[2])
+        loss = autocovariance_loss(rows[2], lines)
+    wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     for number in range(_PASSES):
+        late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
+        if earlier is not None and abs(late_s) < _SETTLED_S:
+            break
         # the slip is of the ground's speed, and an offset matters by what slip there is
-        slip_1_N = float(np.clip(wide.theta[1], -largest, largest))
-        about = abs(slip_1_N) + float(wide.std[1])
+        slip_1_N = float(np.clip(slips_1_N, -largest, largest))
+        about = abs(slip_1_N) + (wide.fit.std[1] if earlier is None else earlier.slip_1_N[1])
         # a delay is no derivative: the speed is moved back by what was found, and looked at again
-        delay_s = float(np.clip(delay_s + wide.theta[2], -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
+        delay_s = float(np.clip(delay_s + late_s, -_LONGEST_DELAY_S, _LONGEST_DELAY_S))
         rows = _rows(measured, motion.with_speed_moved_back(delay_s), noise, slip_1_N) or rows
         # only the last one's deviations count
-        lines = _lines(rows[2]) if number == _PASSES - 1 else None
-        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines)
-    mismatch = wide.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
+        if lines is None and number == _PASSES - 1:
+            lines = _lines(rows[2])
+            loss = autocovariance_loss(rows[2], lines)
+        wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
+    free = wide.fit
+    mismatch = free.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
-    counts = bool(abs(wide.theta[0]) > max(_LEAST_GAIN, times * wide.std[0]))
+    counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
     std = widths(_WIDE_GAIN if counts else priors.gain, about)
-    found = wide if counts else solved(rows, std, delay_s, lines)
+    found = free if counts else solved(rows, std, delay_s, lines, loss).fit
     # a few manoeuvres do not show how far noise that adds up has led them
     least = _least_std(rows, noise, std, 1.0 / motion.rate_hz)
     widened = np.maximum(least / found.std, 1.0)
@@ -200,7 +237,7 @@ def _compared(
         zip(found.theta[:3].tolist(), np.sqrt(np.diag(covariance)).tolist()[:3], strict=True)
     )
     return Kinematics(
-        gain=(float(wide.theta[0]), float(wide.std[0])),
+        gain=(float(free.theta[0]), float(free.std[0])),
         gain_by_prior=values[0],
         slip_1_N=values[1],
         delay_s=(delay_s + values[2][0], values[2][1]),

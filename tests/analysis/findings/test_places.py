@@ -1,0 +1,15 @@
+"""Where stamps stand among those of the grid."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from analysis.findings.case import _places
+
+stamps = st.lists(st.integers(0, 50), max_size=30).map(lambda each: np.array(each, np.int64))
+
+
+@given(stamps, stamps)
+def test_they_are_those_of_a_search(grid, asked):
+    grid = np.unique(grid)
+    np.testing.assert_array_equal(_places(grid, asked), np.searchsorted(grid, asked))
