@@ -70,36 +70,35 @@ def force_system(
         friction: viscous, what slip costs.
         brakes: whether braking counts as driving.
     """
-    begin, size = _blocks(motion.group, _FORCE)
+    taken = _blocks(motion.group, _FORCE)
     usual_kg = float(np.median(mass_kg[motion.used]))
     std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(_FORCE) @ g))
-    a, v, f = motion.acceleration, motion.speed, motion.force
-    rate = _rate(f, motion.rate_hz)
-    since = np.linspace(0.0, 1.0, f.size)
+    a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
+    rate = _rate(motion.force, motion.rate_hz)[taken]
     columns = {
         "delay:force": -rate,
         "delay:imu": rate,
-        "clock_drift": -rate * since,
+        "clock_drift": -rate * (taken / max(motion.force.size - 1, 1)),
         "slip": -friction * np.abs(v) * f,
         "driveline": a * f,
         "const": np.ones(f.size),
     }
     if motion.both_ways:
-        columns["direction"] = motion.direction
+        columns["direction"] = motion.direction[taken]
     if brakes:
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def mean(x: Floats) -> Floats:
-        return _sums(x, begin, size) / size / std
+        return _sums(x, _FORCE) / _FORCE / std
 
     own = noise.covariance(_FORCE) / std**2
-    force = float(_sums(f, begin, size).sum()) / size
-    along = float(_sums(np.sign(v) * f, begin, size).sum()) / size
+    force = float(f.sum()) / _FORCE
+    along = float((np.sign(v) * f).sum()) / _FORCE
     return System(
-        mean(f - (mass_kg - usual_kg) * a),
+        mean(f - (mass_kg[taken] - usual_kg) * a),
         np.column_stack([mean(a), mean(v)]),
         {name: mean(column) for name, column in columns.items()},
-        begin.size * own[:2, :2],
+        taken.size // _FORCE * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
         {},
     )
@@ -113,8 +112,7 @@ def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
     step_s = 1.0 / motion.rate_hz
     of_speed = float(noise.covariance(_WHEELS)[1, 1])
     of_acc = float(noise.covariance(_LONG)[0, 0]) * _LONG * step_s**2 * _WHEELS
-    y: list[Floats] = []
-    columns: dict[str, list[Floats]] = {}
+    found: list[Floats] = []
     of_gained = 0.0
     for part in group_rows(motion.group):
         count = part.size // _WHEELS
@@ -125,27 +123,14 @@ def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
         gained = (np.cumsum(a) - a / 2.0) * step_s
         white, added = _whitener(count, of_speed, of_acc)
         of_gained += added
-
-        def rows(x: Floats, white: Floats = white, count: int = count) -> Floats:
-            return white @ x.reshape(count, _WHEELS).mean(axis=1)
-
-        y.append(rows(v - gained))
-        for name, column in {
-            "wheel_radius": gained,
-            "slip": np.abs(v) * f,
-            "delay:speed": -a,
-            "delay:imu": a,
-        }.items():
-            columns.setdefault(name, []).append(rows(column))
-    if not y:
+        means = _sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), _WHEELS) / _WHEELS
+        found.append(white @ means.reshape(4, count).T)
+    if not found:
         return None
+    y, gained, slips, reads = np.concatenate(found).T.copy()
+    columns = {"wheel_radius": gained, "slip": slips, "delay:speed": -reads, "delay:imu": reads}
     return System(
-        np.concatenate(y),
-        np.zeros((sum(each.size for each in y), 0)),
-        {name: np.concatenate(each) for name, each in columns.items()},
-        np.zeros((0, 0)),
-        {},
-        {"wheel_radius": of_gained},
+        y, np.zeros((y.size, 0)), columns, np.zeros((0, 0)), {}, {"wheel_radius": of_gained}
     )
 
 
@@ -165,15 +150,19 @@ def _whitener(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def _blocks(group: Ints, samples: int) -> tuple[Ints, int]:
-    """Where whole blocks of so many samples of one stretch begin."""
-    begins = [part[0] + np.arange(part.size // samples) * samples for part in group_rows(group)]
-    return np.concatenate([np.zeros(0, np.int64), *begins]).astype(np.int64), samples
+def _blocks(group: Ints, samples: int) -> Ints:
+    """The samples of whole blocks of so many of one stretch."""
+    own = [part[: part.size // samples * samples] for part in group_rows(group)]
+    return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
-def _sums(x: Floats, begin: Ints, samples: int) -> Floats:
-    added = np.concatenate([[0.0], np.cumsum(x)])
-    return added[begin + samples] - added[begin]
+def _sums(x: Floats, samples: int) -> Floats:
+    """Of blocks of so many."""
+    blocks = x.reshape(-1, samples)
+    total = blocks[:, 0].copy()
+    for k in range(1, samples):
+        total += blocks[:, k]
+    return total
 
 
 def _rate(force: Floats, rate_hz: float) -> Floats:
