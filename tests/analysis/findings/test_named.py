@@ -57,6 +57,27 @@ def test_a_payload_in_the_last_start_is_no_wind_up() -> None:
     assert "wind_up" not in found["cause"]
 
 
+@pytest.mark.parametrize("other", [("force late", 8.0), ("IMU biased", 5.0)])
+def test_what_a_recursion_forgets_is_seen_beside_a_fault_that_bends_its_estimate(
+    named: Named, other: tuple[str, float]
+) -> None:
+    assert "wind_up" in set(named(other, ("a recursion ungated", 1.0))["cause"][:2])
+
+
+def test_a_recursion_that_forgets_only_what_is_renewed_does_not_wind_up() -> None:
+    fault = BY_NAME["a recursion ungated"]
+    ways = ["settings.trace.directional_forgetting=true"]
+    found = replayed(design(7, odd=False), [(fault, 1.0)], AXES, ways).frames["findings"]
+    assert "wind_up" not in found["cause"]
+
+
+@pytest.mark.parametrize("seed", [9, 36])
+def test_a_recursion_behind_the_gate_does_not_wind_up(seed: int) -> None:
+    methods = ['settings.trace.methods=["rls", "rtls"]']
+    found = replayed(design(seed, odd=False), (), AXES, methods).frames["findings"]
+    assert "wind_up" not in found["cause"]
+
+
 def test_what_a_coarse_grid_sees_of_the_acceleration_is_all_of_it() -> None:
     rate = ["settings.align.rate_hz=5.0", "settings.gate.window_samples=16"]
     found = replayed(design(7, odd=False), (), AXES, rate).frames["findings"]
