@@ -99,6 +99,17 @@ def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Name
     assert row["mass_change_u_kg"] > 0.0
 
 
+@pytest.mark.parametrize(
+    ("noise", "size"), [("slow noise", 10.0), ("noise that grows with the force", 10.0)]
+)
+def test_a_late_accelerometer_is_told_from_early_wheels_under_a_noisy_force(
+    named: Named, noise: str, size: float
+) -> None:
+    found = named((noise, size), ("IMU low-passed", 5.0), seed=18)
+    causes = [{row["cause"], *row["alternatives"].split(", ")} for row in found.to_dicts()]
+    assert any("imu_low_passed" in named_as for named_as in causes[:3]), found["cause"]
+
+
 def test_a_bias_and_a_small_tilt_are_one_class(named: Named) -> None:
     row = named(("IMU tilted", 3.0)).row(0, named=True)
     assert (row["cause"], row["alternatives"]) == ("imu_misaligned", "imu_bias")
