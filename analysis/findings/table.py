@@ -5,13 +5,14 @@ from typing import Final
 from analysis.findings import imu, model, readings, recursion, residuals, signs, stamps, timing
 from analysis.findings.cause import Cause
 
-#: What the fit and what it leaves show of a log whose readings or stamps are wrong.
-_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "resonance", "driveline")
-_OF_FIT: Final = (
+#: What the equation of motion shows of a log whose readings or stamps are wrong,
+_OF_EQUATION: Final = (
     *("delay", "wheel_radius", "slip", "coulomb", "too_little_excitation", "collinear"),
     *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
-    *_OF_RESIDUALS,
 )
+#: what it leaves, whatever bends it, and both. A swing has a frequency, as few causes have.
+_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline")
+_OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
 _START: Final = "an informative manoeuvre"
 _BOTH: Final = "an accelerometer beside the wheels' speed"
@@ -77,7 +78,10 @@ CAUSES: Final = (
         "a channel resolves less than its noise",
         "motion",
         readings.quantised,
-        explains=("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", *_OF_RESIDUALS),
+        explains=(
+            *("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", "resonance"),
+            *_OF_RESIDUALS,
+        ),
     ),
     Cause(
         "clock_jump",
@@ -174,14 +178,14 @@ CAUSES: Final = (
         "braking that the force does not see counts as driving",
         "settings.gate.exclude_braking = false",
         model.braking,
-        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
+        explains=("driveline", "coulomb", "load_changed_inside"),
     ),
     Cause(
         "external_force",
         "something pushes back: a pile",
         "a start of three seconds against it",
         model.external_force,
-        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
+        explains=("driveline", "coulomb", "load_changed_inside"),
     ),
     Cause(
         "load_changed_inside",
@@ -195,9 +199,10 @@ CAUSES: Final = (
         "the driveline or the frame swings",
         f"{_STILL}, and {_START}",
         residuals.resonance,
+        # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
         explains=(
             *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
-            *("slip", "wheel_radius"),
+            *("slip", "coulomb"),
         ),
     ),
     Cause(
@@ -215,7 +220,7 @@ CAUSES: Final = (
         "the noise is slow, so that samples say less than they are",
         _STILL,
         residuals.coloured,
-        explains=("heteroscedastic", "driveline", *_OF_FIT[: -len(_OF_RESIDUALS)]),
+        explains=("heteroscedastic", "driveline", *_OF_EQUATION),
     ),
     Cause(
         "too_little_excitation",

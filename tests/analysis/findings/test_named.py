@@ -99,6 +99,27 @@ def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Name
     assert row["mass_change_u_kg"] > 0.0
 
 
+def test_a_swing_stands_before_what_it_makes_of_noise_and_mass(named: Named) -> None:
+    found = named(("a frame that swings", 10.0), seed=8)
+    assert found["cause"][0] == "resonance"
+    assert "heteroscedastic" in set(found["cause"])
+
+
+@pytest.mark.parametrize(
+    ("fault", "size"), [("force clock jumps", 10.0), ("speed coarse", 10.0), ("force late", 8.0)]
+)
+def test_what_steps_leave_at_low_frequencies_is_no_swing(
+    named: Named, fault: str, size: float
+) -> None:
+    assert "resonance" not in named((fault, size), seed=8)["cause"]
+
+
+def test_a_slow_swing_is_one() -> None:
+    swing = {"vibration_m_s2": 0.1, "vibration_hz": 2.5, "vibration_bandwidth_hz": 0.4}
+    slow = joined(design(8, odd=False), {"defects": swing})
+    assert replayed(slow, (), AXES).frames["findings"]["cause"][0] == "resonance"
+
+
 @pytest.mark.parametrize(
     ("noise", "size"), [("slow noise", 10.0), ("noise that grows with the force", 10.0)]
 )
