@@ -228,7 +228,11 @@ CAUSES: Final = (
         "nothing more",
         model.too_little,
         withholds=True,
-        explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
+        # of what hardly moves, the wheels' noise counts as motion that the accelerometer has not
+        explains=(
+            *("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
+            "imu_low_passed",
+        ),
     ),
     Cause(
         "wind_up",

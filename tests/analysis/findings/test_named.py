@@ -105,6 +105,13 @@ def test_a_swing_stands_before_what_it_makes_of_noise_and_mass(named: Named) -> 
     assert "heteroscedastic" in set(found["cause"])
 
 
+@pytest.mark.parametrize("seed", [8_000_000, 8_000_017, 8_100_010])
+def test_the_stop_of_what_hardly_moves_is_no_spike(named: Named, seed: int) -> None:
+    found = named(("weak starts", 10.0), seed=seed)
+    assert found["cause"][0] == "too_little_excitation"
+    assert "spikes" not in found["cause"]
+
+
 @pytest.mark.parametrize(
     ("fault", "size"), [("force clock jumps", 10.0), ("speed coarse", 10.0), ("force late", 8.0)]
 )
