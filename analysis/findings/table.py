@@ -38,7 +38,7 @@ CAUSES: Final = (
     Cause(
         "wrong_unit",
         "a channel is in another unit than its machine file says",
-        f"{_BOTH}, for the force the machine's empty mass",
+        f"{_BOTH}, or its z axis at standstill; for the force the machine's empty mass",
         signs.wrong_unit,
         withholds=True,
         explains=(*_OF_FIT, "imu_misaligned", "offset", "slope"),
