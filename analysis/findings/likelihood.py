@@ -96,7 +96,11 @@ def _picked(case: Case) -> dict[str, Pick]:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
         found = best
-        rivals = {n for n, pick in tried.items() if best.gain - pick.gain < _apart(best, n)}
+        rivals = {
+            name
+            for name, pick in tried.items()
+            if best.gain - pick.gain < _apart(best, name) and _can_be(pick)
+        }
         if best.name.startswith("delay"):
             begun = motion
             motion, found = _settled(case, begun, taken, best)
@@ -123,18 +127,24 @@ def _apart(best: Pick, name: str) -> float:
 
 
 def _telling(tried: Mapping[str, Pick]) -> Pick:
-    """The cause that raises the likelihood most; of its class one of a size that matters."""
+    """The cause that raises the likelihood most; of its class one that can be and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
-    if abs(best.value) >= _LEAST.get(best.name, 0.0):
+    if _can_be(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
         pick
         for pick in tried.values()
         if best.gain - pick.gain < _apart(best, pick.name)
+        and _can_be(pick)
         and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
         and pick.gain >= _TAKEN
     ]
     return max(others, key=lambda pick: pick.gain, default=best)
+
+
+def _can_be(pick: Pick) -> bool:
+    """Wheels do not turn slower than the ground that they push: that is another one's shape."""
+    return pick.name != "slip" or pick.value > 0.0
 
 
 def _late(case: Case, motion: Equation) -> Pick | None:

@@ -89,6 +89,15 @@ def test_two_faults_are_among_the_first_three(named: Named) -> None:
     assert {"delay", "wheel_radius"} <= set(found["cause"][:3])
 
 
+@pytest.mark.parametrize("seed", [8_000_015, 8_100_024])
+def test_wheels_that_turn_slower_than_the_ground_are_larger_and_do_not_slip(
+    named: Named, seed: int
+) -> None:
+    row = named(("wheels larger", 0.8), seed=seed).row(0, named=True)
+    assert row["cause"] == "wheel_radius"
+    assert "slip" not in row["alternatives"]
+
+
 def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Named) -> None:
     row = named(("force late", 4.0)).row(0, named=True)
     assert row["channel"] == "torque_left_N_m"
