@@ -17,7 +17,7 @@ from analysis.weighing.equation import Equation, NoiseOfColumns
 from estimators.fit_loss import group_rows
 
 #: Samples of a mean of the force's rows, and of the wheels'.
-_FORCE: Final = 5
+FORCE: Final = 5
 _WHEELS: Final = 10
 #: Stretches of fewer means say nothing of the wheels.
 _FEWEST: Final = 10
@@ -43,6 +43,7 @@ class System:
         noise_with: by cause, (p,) what it adds to those with its column.
         noise_of: by cause, what noise of its column, that y has with the other sign, adds to the
             square of that column.
+        size_N: what a row of the force was divided by.
     """
 
     y: Floats
@@ -51,6 +52,7 @@ class System:
     noise: Floats
     noise_with: dict[str, Floats]
     noise_of: dict[str, float]
+    size_N: float = 1.0
 
 
 def force_system(
@@ -70,9 +72,9 @@ def force_system(
         friction: viscous, what slip costs.
         brakes: whether braking counts as driving.
     """
-    begin, size = _blocks(motion.group, _FORCE)
+    begin, size = blocks(motion.group, FORCE)
     usual_kg = float(np.median(mass_kg[motion.used]))
-    std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(_FORCE) @ g))
+    std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(FORCE) @ g))
     a, v, f = motion.acceleration, motion.speed, motion.force
     rate = _rate(f, motion.rate_hz)
     since = np.linspace(0.0, 1.0, f.size)
@@ -90,11 +92,11 @@ def force_system(
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def mean(x: Floats) -> Floats:
-        return _sums(x, begin, size) / size / std
+        return sums(x, begin, size) / size / std
 
-    own = noise.covariance(_FORCE) / std**2
-    force = float(_sums(f, begin, size).sum()) / size
-    along = float(_sums(np.sign(v) * f, begin, size).sum()) / size
+    own = noise.covariance(FORCE) / std**2
+    force = float(sums(f, begin, size).sum()) / size
+    along = float(sums(np.sign(v) * f, begin, size).sum()) / size
     return System(
         mean(f - (mass_kg - usual_kg) * a),
         np.column_stack([mean(a), mean(v)]),
@@ -102,6 +104,7 @@ def force_system(
         begin.size * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
         {},
+        std,
     )
 
 
@@ -165,13 +168,14 @@ def _whitener(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def _blocks(group: Ints, samples: int) -> tuple[Ints, int]:
+def blocks(group: Ints, samples: int) -> tuple[Ints, int]:
     """Where whole blocks of so many samples of one stretch begin."""
     begins = [part[0] + np.arange(part.size // samples) * samples for part in group_rows(group)]
     return np.concatenate([np.zeros(0, np.int64), *begins]).astype(np.int64), samples
 
 
-def _sums(x: Floats, begin: Ints, samples: int) -> Floats:
+def sums(x: Floats, begin: Ints, samples: int) -> Floats:
+    """(rows,) sums of so many samples from each beginning on."""
     added = np.concatenate([[0.0], np.cumsum(x)])
     return added[begin + samples] - added[begin]
 
@@ -242,7 +246,7 @@ class Explained:
         if kept:
             q = np.linalg.qr(np.column_stack([known, tried[:, kept]]))[0]
             noise = left - q @ (q.T @ left)
-        variance = _variance(noise)
+        variance = variance_of(noise)
         return cls(
             {others[k]: float(information[k]) / variance for k in kept},
             {others[k]: float(score[k]) / variance for k in kept},
@@ -259,7 +263,7 @@ class Explained:
         return self.score.get(name, 0.0)
 
 
-def _variance(noise: Floats) -> float:
+def variance_of(noise: Floats) -> float:
     """Of a row, times what correlation makes of a sum of them; not below that of the channels."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:

@@ -2,7 +2,17 @@
 
 from typing import Final
 
-from analysis.findings import imu, model, readings, recursion, residuals, signs, stamps, timing
+from analysis.findings import (
+    growth,
+    imu,
+    model,
+    readings,
+    recursion,
+    residuals,
+    signs,
+    stamps,
+    timing,
+)
 from analysis.findings.cause import Cause
 
 #: What the equation of motion shows of a log whose readings or stamps are wrong,
@@ -191,7 +201,7 @@ CAUSES: Final = (
         "load_changed_inside",
         "the load changes while the machine drives",
         "four manoeuvres of three seconds",
-        model.load_changed,
+        growth.load_changed,
         explains=("driveline", "too_little_excitation", "collinear"),
     ),
     Cause(

@@ -98,6 +98,18 @@ def test_wheels_that_turn_slower_than_the_ground_are_larger_and_do_not_slip(
     assert "slip" not in row["alternatives"]
 
 
+@pytest.mark.parametrize("seed", [8_000_000, 8_000_016])
+def test_a_load_that_grows_is_seen_by_the_force_that_brings_it_to_speed(
+    named: Named, seed: int
+) -> None:
+    row = named(("a bucket that fills", 3.0), seed=seed).row(0, named=True)
+    assert row["cause"] == "load_changed_inside"
+    # 150 kg/s of the loader's mass, on this machine's
+    grows = 150.0 * design(seed, odd=False)["machine"]["mass_kg"] / 3614.0
+    said = float(row["evidence"].split(" by up to ")[1].split(" kg/s")[0])
+    assert said == pytest.approx(grows, rel=0.2)
+
+
 def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Named) -> None:
     row = named(("force late", 4.0)).row(0, named=True)
     assert row["channel"] == "torque_left_N_m"
