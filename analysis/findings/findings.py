@@ -1,6 +1,7 @@
 """The stage `findings`: which causes a log shows, the likeliest first."""
 
 from collections import Counter
+from itertools import permutations
 from typing import Final
 
 import numpy as np
@@ -26,10 +27,11 @@ def findings(case: Case) -> pl.DataFrame:
     """
     shown = [(cause, sign) for cause, sign in suspected(case) if sign.strength >= 1.0]
     explained = Counter(
-        other.key
-        for other, sign in shown
-        for cause, own in shown
-        if other.key in cause.explains and sign.strength <= cause.outdone * own.strength
+        other[0].key
+        for other, cause in permutations(shown, 2)
+        # of two that explain each other, the stronger is the reason
+        if _explains(cause, other)
+        and (cause[1].strength >= other[1].strength or not _explains(other, cause))
     )
     shown.sort(key=lambda each: (explained[each[0].key], -each[1].strength))
     rows = [_row(rank, cause, sign, case) for rank, (cause, sign) in enumerate(shown, 1)]
@@ -38,6 +40,11 @@ def findings(case: Case) -> pl.DataFrame:
         "findings",
         {c.name: pl.Series([row[c.name] for row in rows], dtype=c.dtype) for c in columns},
     )
+
+
+def _explains(one: tuple[Cause, Sign], other: tuple[Cause, Sign]) -> bool:
+    (cause, own), (seen, sign) = one, other
+    return seen.key in cause.explains and sign.strength <= cause.outdone * own.strength
 
 
 def suspected(case: Case) -> list[tuple[Cause, Sign]]:

@@ -130,6 +130,8 @@ def _yaw(case: Case) -> list[Sign]:
     if along <= 0.0:
         return []
     angle = float(np.arctan2(across, along))
+    # noise of the wheels' rate makes both components small, and the angle no surer
+    std /= float(np.hypot(along, across))
     strength = abs(angle) / max(DEVIATIONS * std, _LEAST_YAW_RAD)
     if len(case.measured(*_ALL_AXES)) == len(_ALL_AXES):
         setting = "machine.imu.yaw_deg"

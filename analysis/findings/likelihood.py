@@ -38,6 +38,8 @@ _LONG_S: Final = 0.03
 _MUCH: Final = 0.5
 #: Wheels of which whatever is left has so many times the variance of noise are not listened to.
 _MISSES: Final = 8.0
+#: Delays that the wheels do not tell apart.
+_BESIDE: Final = {"delay:speed": "delay:imu", "delay:imu": "delay:speed"}
 #: A delay is looked for again where it was found, until it moves by less.
 _FOUND_S: Final = 3e-4
 _ROUNDS: Final = 5
@@ -94,15 +96,22 @@ def _picked(case: Case) -> dict[str, Pick]:
             out.update({name: pick for name, pick in tried.items() if name not in out})
             break
         found = best
-        if best.name.startswith("delay"):
-            motion, found = _settled(case, motion, taken, best)
-        rivals = tuple(
+        rivals = {
             name
             for name, pick in tried.items()
-            if name != best.name and best.gain - pick.gain < _apart(best, name) and name not in out
+            if best.gain - pick.gain < _apart(best, name) and _can_be(pick)
+        }
+        if best.name.startswith("delay"):
+            begun = motion
+            motion, found = _settled(case, begun, taken, best)
+            if best.name in _BESIDE and _BESIDE[best.name] in tried:
+                motion, found, other = _whose(case, begun, taken, (motion, found))
+                rivals = rivals - {*_BESIDE} | {*other}
+        rivals -= {found.name, *out}
+        out[found.name] = replace(
+            found, gain=best.gain, rivals=tuple(n for n in tried if n in rivals)
         )
-        out[best.name] = replace(found, gain=best.gain, rivals=rivals)
-        taken.append(best.name)
+        taken.append(found.name)
     else:
         out.update({n: p for n, p in _tried(case, motion, taken).items() if n not in out})
     return out
@@ -118,18 +127,24 @@ def _apart(best: Pick, name: str) -> float:
 
 
 def _telling(tried: Mapping[str, Pick]) -> Pick:
-    """The cause that raises the likelihood most; of its class one of a size that matters."""
+    """The cause that raises the likelihood most; of its class one that can be and matters."""
     best = max(tried.values(), key=lambda pick: pick.gain)
-    if abs(best.value) >= _LEAST.get(best.name, 0.0):
+    if _can_be(best) and abs(best.value) >= _LEAST.get(best.name, 0.0):
         return best
     others = [
         pick
         for pick in tried.values()
         if best.gain - pick.gain < _apart(best, pick.name)
+        and _can_be(pick)
         and abs(pick.value) >= _LEAST.get(pick.name, 0.0)
         and pick.gain >= _TAKEN
     ]
     return max(others, key=lambda pick: pick.gain, default=best)
+
+
+def _can_be(pick: Pick) -> bool:
+    """Wheels do not turn slower than the ground that they push: that is another one's shape."""
+    return pick.name != "slip" or pick.value > 0.0
 
 
 def _late(case: Case, motion: Equation) -> Pick | None:
@@ -169,6 +184,34 @@ def _settled(case: Case, motion: Equation, taken: list[str], pick: Pick) -> tupl
         if abs(step) < _FOUND_S:
             break
     return motion, replace(pick, value=total, std=std)
+
+
+def _whose(
+    case: Case, begun: Equation, taken: list[str], settled: tuple[Equation, Pick]
+) -> tuple[Equation, Pick, tuple[str, ...]]:
+    """Whether wheels are early or the accelerometer is late: alike to both, not to the force.
+
+    Args:
+        case: the log.
+        begun: the motion before either was moved back.
+        taken: causes that were found before.
+        settled: the motion after the one that was found, and how late it is.
+
+    Returns:
+        The motion and the delay that leave less of the force, and the other one's name where it
+        leaves hardly more.
+    """
+    motion, own = settled
+    turned = replace(own, name=_BESIDE[own.name], value=-own.value)
+    other = moved(begun, turned.name.partition(":")[2], turned.value)
+    # tried whole: noise of the force makes its derivative too large, and a delay too small
+    left, left_other = (_left(case, each, taken)[0] for each in (motion, other))
+    apart = left.square_left * left.variance - left_other.square_left * left_other.variance
+    apart /= min(left.variance, left_other.variance)
+    near = abs(apart) < APART
+    if apart > 0.0:
+        return other, turned, (own.name,) if near else ()
+    return motion, own, (turned.name,) if near else ()
 
 
 def _tried(case: Case, motion: Equation, taken: list[str]) -> dict[str, Pick]:

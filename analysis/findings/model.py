@@ -297,21 +297,3 @@ def external_force(case: Case) -> list[Sign]:
             span_ns=(begin, end),
         )
     ]
-
-
-def load_changed(case: Case) -> list[Sign]:
-    """Manoeuvres whose load grows or falls while they drive."""
-    weighing = case.evidence.weighing
-    if weighing is None or not weighing.growing:
-        return []
-    worst = max(weighing.growing, key=lambda each: abs(each.kg) / each.std_kg)
-    t = case.aligned["t_ns"].to_numpy()
-    begin = int(t[min(worst.first, t.size - 1)])
-    return [
-        Sign(
-            abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
-            f"in {len(weighing.growing)} manoeuvres the load changes, by up to {worst.kg:+.0f} ± "
-            f"{worst.std_kg:.0f} kg; they are left out",
-            span_ns=(begin, begin),
-        )
-    ]

@@ -7,7 +7,8 @@ import numpy as np
 
 from analysis.diagnosis.evidence import Bools
 from analysis.diagnosis.signals import Floats, Ints
-from analysis.findings.case import Case
+from analysis.filters import period_ns
+from analysis.findings.case import ACC, FORCES, Case
 from analysis.findings.cause import Change, Sign
 from analysis.findings.mending import left_out
 from analysis.windows import windows_with
@@ -30,6 +31,12 @@ _SPIKE: Final = 8.0
 _NEIGHBOURS: Final = 0.4
 #: Readings of a neighbourhood whose deviation is taken.
 _BLOCK: Final = 200
+#: Force and acceleration, which a stop or a knock moves at once: by so many deviations,
+_FELT: Final = (*FORCES, ACC, "acc_x_m_s2")
+_JOLT: Final = 5.0
+#: within so many periods, from the median of what is around.
+_BESIDE_PERIODS: Final = 1.5
+_AROUND_NS: Final = 150_000_000
 #: Samples of the grid beside a spike that are not fitted.
 _BESIDE: Final = 15
 
@@ -221,6 +228,7 @@ def _found_spikes(case: Case) -> dict[str, _Spikes]:
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
+        places = places[~_jolts(case, name, t[places], np.sign(middle[places - 1]))]
         if not places.size:
             continue
         size = np.abs(middle[places - 1])
@@ -231,6 +239,28 @@ def _found_spikes(case: Case) -> dict[str, _Spikes]:
             _beside(case, t[places]),
         )
     return found
+
+
+def _jolts(case: Case, name: str, unix_ns: Ints, sign: Floats) -> Bools:
+    """(k,) whether force and acceleration are off at once, and alike: that is a stop or a knock."""
+    topic = case.machine.channels[name].topic
+    felt = np.zeros(unix_ns.size, np.bool_)
+    if name not in _FELT:
+        return felt
+    for other in case.measured(*_FELT):
+        t, x = case.series[other]
+        if case.machine.channels[other].topic == topic or x.size < 3 * _BLOCK:
+            continue
+        scale = _local_deviation(x[1:-1] - (x[:-2] + x[2:]) / 2.0)
+        near_ns = _BESIDE_PERIODS * max(period_ns(t), period_ns(case.series[name][0]))
+        ends = np.searchsorted(t, unix_ns[:, None] + np.array([-near_ns, near_ns], np.int64))
+        around = np.searchsorted(t, unix_ns[:, None] + np.array([-_AROUND_NS, _AROUND_NS]))
+        for k, (here, about) in enumerate(zip(ends, around, strict=True)):
+            if here[0] == here[1]:
+                continue
+            off = sign[k] * (x[slice(*here)] - np.median(x[slice(*about)]))
+            felt[k] |= bool(np.max(off) > _JOLT * scale[min(here[0], scale.size - 1)])
+    return felt
 
 
 def _local_deviation(x: Floats) -> Floats:

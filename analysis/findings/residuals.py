@@ -24,6 +24,8 @@ _KEPT: Final = 0.85
 #: Frequencies of a resonance, of slow noise, and of what it is compared with.
 _SWINGS_HZ: Final = (2.0, 20.0)
 _SLOW_HZ: Final = 1.2
+#: From here up to a swing its power must rise.
+_BELOW_HZ: Final = 0.7
 _FAST_HZ: Final = (3.0, 10.0)
 #: Ratios of power that chance and resampling stay below.
 _PEAK: Final = 4.0
@@ -121,12 +123,16 @@ def resonance(case: Case) -> list[Sign]:
     smooth = np.convolve(found.standing, np.ones(5) / 5.0, "same")
     ratio = found.driving / np.maximum(smooth, 1e-12)
     usual = max(float(np.median(ratio[band])), 1.0)
-    at = int(np.argmax(np.where(band, ratio, 0.0)))
+    # a swing stands out below its frequency too: what a step leaves only grows towards 0 Hz
+    below = np.where(hz >= _BELOW_HZ, ratio, np.inf)
+    stands_out = ratio / np.maximum(np.minimum.accumulate(below), usual)
+    at = int(np.argmax(np.where(band, stands_out, 0.0)))
+    peak = float(stands_out[at])
     return [
         Sign(
-            float(ratio[at]) / usual / _PEAK,
-            f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(ratio[at] / usual):.1f} times "
-            "as much as its noise",
+            peak / _PEAK,
+            f"at {hz[at]:.1f} Hz what the fit leaves swings {np.sqrt(peak):.1f} times as much as "
+            "its noise",
         )
     ]
 

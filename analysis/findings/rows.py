@@ -17,7 +17,7 @@ from analysis.weighing.equation import Equation, NoiseOfColumns
 from estimators.fit_loss import group_rows
 
 #: Samples of a mean of the force's rows, and of the wheels'.
-_FORCE: Final = 5
+FORCE: Final = 5
 _WHEELS: Final = 10
 #: Stretches of fewer means say nothing of the wheels.
 _FEWEST: Final = 10
@@ -43,6 +43,7 @@ class System:
         noise_with: by cause, (p,) what it adds to those with its column.
         noise_of: by cause, what noise of its column, that y has with the other sign, adds to the
             square of that column.
+        size_N: what a row of the force was divided by.
     """
 
     y: Floats
@@ -51,6 +52,7 @@ class System:
     noise: Floats
     noise_with: dict[str, Floats]
     noise_of: dict[str, float]
+    size_N: float = 1.0
 
 
 def force_system(
@@ -70,9 +72,9 @@ def force_system(
         friction: viscous, what slip costs.
         brakes: whether braking counts as driving.
     """
-    taken = _blocks(motion.group, _FORCE)
+    taken = blocks(motion.group, FORCE)
     usual_kg = float(np.median(mass_kg[motion.used]))
-    std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(_FORCE) @ g))
+    std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(FORCE) @ g))
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     rate = _rate(motion.force, motion.rate_hz)[taken]
     columns = {
@@ -89,18 +91,19 @@ def force_system(
         columns["braking"] = np.where(f * v < 0.0, -f, 0.0)
 
     def mean(x: Floats) -> Floats:
-        return _sums(x, _FORCE) / _FORCE / std
+        return sums(x, FORCE) / FORCE / std
 
-    own = noise.covariance(_FORCE) / std**2
-    force = float(f.sum()) / _FORCE
-    along = float((np.sign(v) * f).sum()) / _FORCE
+    own = noise.covariance(FORCE) / std**2
+    force = float(f.sum()) / FORCE
+    along = float((np.sign(v) * f).sum()) / FORCE
     return System(
         mean(f - (mass_kg[taken] - usual_kg) * a),
         np.column_stack([mean(a), mean(v)]),
         {name: mean(column) for name, column in columns.items()},
-        taken.size // _FORCE * own[:2, :2],
+        taken.size // FORCE * own[:2, :2],
         {"driveline": force * own[:2, 0], "slip": -friction * along * own[:2, 1]},
         {},
+        std,
     )
 
 
@@ -123,7 +126,7 @@ def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
         gained = (np.cumsum(a) - a / 2.0) * step_s
         white, added = _whitener(count, of_speed, of_acc)
         of_gained += added
-        means = _sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), _WHEELS) / _WHEELS
+        means = sums(np.concatenate([v - gained, gained, np.abs(v) * f, a]), _WHEELS) / _WHEELS
         found.append(white @ means.reshape(4, count).T)
     if not found:
         return None
@@ -150,14 +153,14 @@ def _whitener(count: int, of_speed: float, of_acc: float) -> tuple[Floats, float
     return rows, float(np.einsum("ij,jk,ik->", rows, adds_up, rows))
 
 
-def _blocks(group: Ints, samples: int) -> Ints:
+def blocks(group: Ints, samples: int) -> Ints:
     """The samples of whole blocks of so many of one stretch."""
     own = [part[: part.size // samples * samples] for part in group_rows(group)]
     return np.concatenate([np.zeros(0, np.int64), *own]).astype(np.int64)
 
 
-def _sums(x: Floats, samples: int) -> Floats:
-    """Of blocks of so many."""
+def sums(x: Floats, samples: int) -> Floats:
+    """Sums of blocks of so many, (blocks,)."""
     blocks = x.reshape(-1, samples)
     total = blocks[:, 0].copy()
     for k in range(1, samples):
@@ -231,7 +234,7 @@ class Explained:
         if kept:
             q = np.linalg.qr(np.column_stack([known, tried[:, kept]]))[0]
             noise = left - q @ (q.T @ left)
-        variance = _variance(noise)
+        variance = variance_of(noise)
         return cls(
             {others[k]: float(information[k]) / variance for k in kept},
             {others[k]: float(score[k]) / variance for k in kept},
@@ -248,7 +251,7 @@ class Explained:
         return self.score.get(name, 0.0)
 
 
-def _variance(noise: Floats) -> float:
+def variance_of(noise: Floats) -> float:
     """Of a row, times what correlation makes of a sum of them; not below that of the channels."""
     own = float(noise @ noise) / max(noise.size, 1)
     if not own > 0.0:

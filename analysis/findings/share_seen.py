@@ -14,6 +14,8 @@ _SPAN_S: Final = 0.1
 _FEWEST_SPANS: Final = 50
 #: Of what the wheels' acceleration shows, motion must be this share, and noise the rest.
 _MOTION: Final = 0.3
+#: The noise of the wheels' speed is known to this share of its power.
+_NOISE: Final = 0.2
 
 
 def share_seen(case: Case) -> tuple[float, float] | None:
@@ -47,4 +49,5 @@ def share_seen(case: Case) -> tuple[float, float] | None:
     gain = float(x @ y) / power
     # neighbours share half of what they are of
     std = float(np.sqrt(1.5 * seen * ((y - gain * x) ** 2).sum() / (x.size - 2))) / power
-    return gain, std
+    # what noise is taken off is known to a share of it
+    return gain, float(np.hypot(std, gain * _NOISE * (seen - power) / power))

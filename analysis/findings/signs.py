@@ -193,8 +193,29 @@ def swapped(case: Case) -> list[Sign]:
 def wrong_unit(case: Case) -> list[Sign]:
     """Ratios of speed, acceleration and force that are those of usual units."""
     # a mass in the wrong unit may be the acceleration's
-    found = _of_speed(case) or _of_force(case)
+    found = _of_gravity(case) or _of_speed(case) or _of_force(case)
     return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _of_gravity(case: Case) -> list[Sign]:
+    """The accelerometer's z axis at standstill against gravity, whatever the wheels do."""
+    names = case.measured(*_ACC_AXES)
+    reads, _ = case.level(_ACC_AXES[2])
+    share = reads / case.machine.machine.gravity_m_s2
+    near = [r for r in _ACC_UNITS if share > 0.0 and abs(np.log(share / r)) < _NEAR]
+    if not near or ACC not in names:
+        return []
+    setting, value = case.scaled(names, 1.0 / near[0])
+    return [
+        Sign(
+            10.0 * abs(float(np.log(share))) / _SIGN,
+            f"standing, it reads {reads:.4g} m/s² of gravity along z: {_ACC_UNITS[near[0]]}",
+            channel=ACC,
+            setting=setting,
+            value=value,
+            change=lambda: anew(case, lambda motion: _times(motion, ACC, 1.0 / near[0]), 0.05),
+        )
+    ]
 
 
 def _of_speed(case: Case) -> list[Sign]:

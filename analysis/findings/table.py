@@ -2,16 +2,27 @@
 
 from typing import Final
 
-from analysis.findings import imu, model, readings, recursion, residuals, signs, stamps, timing
+from analysis.findings import (
+    growth,
+    imu,
+    model,
+    readings,
+    recursion,
+    residuals,
+    signs,
+    stamps,
+    timing,
+)
 from analysis.findings.cause import Cause
 
-#: What the fit and what it leaves show of a log whose readings or stamps are wrong.
-_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "resonance", "driveline")
-_OF_FIT: Final = (
+#: What the equation of motion shows of a log whose readings or stamps are wrong,
+_OF_EQUATION: Final = (
     *("delay", "wheel_radius", "slip", "coulomb", "too_little_excitation", "collinear"),
     *("load_changed_inside", "external_force", "braking_inside", "imu_low_passed"),
-    *_OF_RESIDUALS,
 )
+#: what it leaves, whatever bends it, and both. A swing has a frequency, as few causes have.
+_OF_RESIDUALS: Final = ("coloured_residuals", "heteroscedastic", "driveline")
+_OF_FIT: Final = (*_OF_EQUATION, *_OF_RESIDUALS, "resonance")
 _STILL: Final = "a standstill of three seconds"
 _START: Final = "an informative manoeuvre"
 _BOTH: Final = "an accelerometer beside the wheels' speed"
@@ -37,7 +48,7 @@ CAUSES: Final = (
     Cause(
         "wrong_unit",
         "a channel is in another unit than its machine file says",
-        f"{_BOTH}, for the force the machine's empty mass",
+        f"{_BOTH}, or its z axis at standstill; for the force the machine's empty mass",
         signs.wrong_unit,
         withholds=True,
         explains=(*_OF_FIT, "imu_misaligned", "offset", "slope"),
@@ -77,7 +88,10 @@ CAUSES: Final = (
         "a channel resolves less than its noise",
         "motion",
         readings.quantised,
-        explains=("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", *_OF_RESIDUALS),
+        explains=(
+            *("delay", "wheel_radius", "slip", "frozen", "imu_low_passed", "resonance"),
+            *_OF_RESIDUALS,
+        ),
     ),
     Cause(
         "clock_jump",
@@ -147,7 +161,7 @@ CAUSES: Final = (
         _BOTH,
         imu.low_passed,
         withholds=True,
-        explains=("wheel_radius", "slip", "delay", "too_little_excitation"),
+        explains=("wheel_radius", "slip", "delay", "too_little_excitation", "load_changed_inside"),
     ),
     Cause(
         "wheel_radius",
@@ -174,20 +188,20 @@ CAUSES: Final = (
         "braking that the force does not see counts as driving",
         "settings.gate.exclude_braking = false",
         model.braking,
-        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
+        explains=("driveline", "coulomb", "load_changed_inside"),
     ),
     Cause(
         "external_force",
         "something pushes back: a pile",
         "a start of three seconds against it",
         model.external_force,
-        explains=("driveline", "coulomb", "load_changed_inside", "resonance"),
+        explains=("driveline", "coulomb", "load_changed_inside"),
     ),
     Cause(
         "load_changed_inside",
         "the load changes while the machine drives",
         "four manoeuvres of three seconds",
-        model.load_changed,
+        growth.load_changed,
         explains=("driveline", "too_little_excitation", "collinear"),
     ),
     Cause(
@@ -195,9 +209,10 @@ CAUSES: Final = (
         "the driveline or the frame swings",
         f"{_STILL}, and {_START}",
         residuals.resonance,
+        # noise of the acceleration takes the mass away; what the wheels gain it leaves alone
         explains=(
             *("too_little_excitation", "heteroscedastic", "coloured_residuals", "driveline"),
-            *("slip", "wheel_radius"),
+            *("slip", "coulomb"),
         ),
     ),
     Cause(
@@ -215,7 +230,7 @@ CAUSES: Final = (
         "the noise is slow, so that samples say less than they are",
         _STILL,
         residuals.coloured,
-        explains=("heteroscedastic", "driveline", *_OF_FIT[: -len(_OF_RESIDUALS)]),
+        explains=("heteroscedastic", "driveline", *_OF_EQUATION),
     ),
     Cause(
         "too_little_excitation",
@@ -223,7 +238,11 @@ CAUSES: Final = (
         "nothing more",
         model.too_little,
         withholds=True,
-        explains=("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
+        # of what hardly moves, the wheels' noise counts as motion that the accelerometer has not
+        explains=(
+            *("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),
+            "imu_low_passed",
+        ),
     ),
     Cause(
         "wind_up",

@@ -52,6 +52,8 @@ def _sign(case: Case, pick: Pick) -> Sign:
         said += f"; as likely the {' or '.join(_SHOWN[each] for each in rivals)} is off"
     smooth = channel == "imu" and late_s > 0
     others = [each for each in pick.rivals if not each.startswith("delay")]
+    # what is early against an accelerometer may be in time, and the accelerometer filtered
+    filtered = smooth or (late_s < 0.0 and "imu" in rivals)
     return Sign(
         min(float(np.sqrt(pick.gain)) / _LIMIT, abs(late_s) / _LEAST_S),
         said,
@@ -64,7 +66,7 @@ def _sign(case: Case, pick: Pick) -> Sign:
         else lambda: mended(
             case, lambda motion: moved(motion, channel, late_s), min(std_s / abs(late_s), 1.0)
         ),
-        alternatives=(*others, *(("imu_low_passed",) if smooth else ())),
+        alternatives=(*others, *(("imu_low_passed",) if filtered else ())),
     )
 
 

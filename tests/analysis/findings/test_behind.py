@@ -17,6 +17,8 @@ from tests.analysis.findings.conftest import Named
         ("accelerometer of the wrong sign", 1.0, ("torque with spikes", 3.0), "spikes"),
         ("speed in km/h", 1.0, ("IMU biased", 4.0), "imu_bias"),
         ("acceleration in g", 1.0, ("force late", 5.0), "delay"),
+        # wheels that slip would not tell the unit, gravity does
+        ("acceleration in g", 1.0, ("slip", 2.5), "slip"),
     ],
 )
 def test_behind_a_sign_or_a_unit_stands_what_it_hides(

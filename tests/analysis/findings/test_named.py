@@ -57,6 +57,27 @@ def test_a_payload_in_the_last_start_is_no_wind_up() -> None:
     assert "wind_up" not in found["cause"]
 
 
+@pytest.mark.parametrize("other", [("force late", 8.0), ("IMU biased", 5.0)])
+def test_what_a_recursion_forgets_is_seen_beside_a_fault_that_bends_its_estimate(
+    named: Named, other: tuple[str, float]
+) -> None:
+    assert "wind_up" in set(named(other, ("a recursion ungated", 1.0))["cause"][:2])
+
+
+def test_a_recursion_that_forgets_only_what_is_renewed_does_not_wind_up() -> None:
+    fault = BY_NAME["a recursion ungated"]
+    ways = ["settings.trace.directional_forgetting=true"]
+    found = replayed(design(7, odd=False), [(fault, 1.0)], AXES, ways).frames["findings"]
+    assert "wind_up" not in found["cause"]
+
+
+@pytest.mark.parametrize("seed", [9, 36])
+def test_a_recursion_behind_the_gate_does_not_wind_up(seed: int) -> None:
+    methods = ['settings.trace.methods=["rls", "rtls"]']
+    found = replayed(design(seed, odd=False), (), AXES, methods).frames["findings"]
+    assert "wind_up" not in found["cause"]
+
+
 def test_what_a_coarse_grid_sees_of_the_acceleration_is_all_of_it() -> None:
     rate = ["settings.align.rate_hz=5.0", "settings.gate.window_samples=16"]
     found = replayed(design(7, odd=False), (), AXES, rate).frames["findings"]
@@ -68,6 +89,27 @@ def test_two_faults_are_among_the_first_three(named: Named) -> None:
     assert {"delay", "wheel_radius"} <= set(found["cause"][:3])
 
 
+@pytest.mark.parametrize("seed", [8_000_015, 8_100_024])
+def test_wheels_that_turn_slower_than_the_ground_are_larger_and_do_not_slip(
+    named: Named, seed: int
+) -> None:
+    row = named(("wheels larger", 0.8), seed=seed).row(0, named=True)
+    assert row["cause"] == "wheel_radius"
+    assert "slip" not in row["alternatives"]
+
+
+@pytest.mark.parametrize("seed", [8_000_000, 8_000_016])
+def test_a_load_that_grows_is_seen_by_the_force_that_brings_it_to_speed(
+    named: Named, seed: int
+) -> None:
+    row = named(("a bucket that fills", 3.0), seed=seed).row(0, named=True)
+    assert row["cause"] == "load_changed_inside"
+    # 150 kg/s of the loader's mass, on this machine's
+    grows = 150.0 * design(seed, odd=False)["machine"]["mass_kg"] / 3614.0
+    said = float(row["evidence"].split(" by up to ")[1].split(" kg/s")[0])
+    assert said == pytest.approx(grows, rel=0.2)
+
+
 def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Named) -> None:
     row = named(("force late", 4.0)).row(0, named=True)
     assert row["channel"] == "torque_left_N_m"
@@ -76,6 +118,45 @@ def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Name
         assert float(value) == pytest.approx(0.04, abs=0.005)
     assert "late against speed and accelerometer" in row["evidence"]
     assert row["mass_change_u_kg"] > 0.0
+
+
+def test_a_swing_stands_before_what_it_makes_of_noise_and_mass(named: Named) -> None:
+    found = named(("a frame that swings", 10.0), seed=8)
+    assert found["cause"][0] == "resonance"
+    assert "heteroscedastic" in set(found["cause"])
+
+
+@pytest.mark.parametrize("seed", [8_000_000, 8_000_017, 8_100_010])
+def test_the_stop_of_what_hardly_moves_is_no_spike(named: Named, seed: int) -> None:
+    found = named(("weak starts", 10.0), seed=seed)
+    assert found["cause"][0] == "too_little_excitation"
+    assert "spikes" not in found["cause"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "size"), [("force clock jumps", 10.0), ("speed coarse", 10.0), ("force late", 8.0)]
+)
+def test_what_steps_leave_at_low_frequencies_is_no_swing(
+    named: Named, fault: str, size: float
+) -> None:
+    assert "resonance" not in named((fault, size), seed=8)["cause"]
+
+
+def test_a_slow_swing_is_one() -> None:
+    swing = {"vibration_m_s2": 0.1, "vibration_hz": 2.5, "vibration_bandwidth_hz": 0.4}
+    slow = joined(design(8, odd=False), {"defects": swing})
+    assert replayed(slow, (), AXES).frames["findings"]["cause"][0] == "resonance"
+
+
+@pytest.mark.parametrize(
+    ("noise", "size"), [("slow noise", 10.0), ("noise that grows with the force", 10.0)]
+)
+def test_a_late_accelerometer_is_told_from_early_wheels_under_a_noisy_force(
+    named: Named, noise: str, size: float
+) -> None:
+    found = named((noise, size), ("IMU low-passed", 5.0), seed=18)
+    causes = [{row["cause"], *row["alternatives"].split(", ")} for row in found.to_dicts()]
+    assert any("imu_low_passed" in named_as for named_as in causes[:3]), found["cause"]
 
 
 def test_a_bias_and_a_small_tilt_are_one_class(named: Named) -> None:
