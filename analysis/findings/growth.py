@@ -20,6 +20,8 @@ _CHANCE: Final = 5e-4
 #: Fewer rows, or less of a column that is left, tell nothing.
 _FEWEST: Final = 10
 _LEFT: Final = 0.02
+#: Who drives for longer does not load any more: what then ends the drive would weigh by its time.
+_LONGEST_S: Final = 15.0
 #: What every log may have besides; columns of more noise would leave it in this one's way.
 _USUAL: Final = ("const", "direction")
 
@@ -97,7 +99,8 @@ def _growths(case: Case) -> list[_Growth]:
     limit = -NormalDist().inv_cdf(_CHANCE / 2.0 / len(parts))
     found: list[_Growth] = []
     for part in parts:
-        rows = np.flatnonzero(group == motion.group[part[0]])
+        loads = taken[:, 0] < part[0] + _LONGEST_S * motion.rate_hz
+        rows = np.flatnonzero((group == motion.group[part[0]]) & loads)
         mine = taken[rows].ravel()
         t_s = (mine - part[0]) / motion.rate_hz
         grown = sums(t_s * motion.acceleration[mine] + motion.speed[mine], FORCE) / FORCE
