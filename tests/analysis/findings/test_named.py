@@ -110,6 +110,12 @@ def test_a_load_that_grows_is_seen_by_the_force_that_brings_it_to_speed(
     assert said == pytest.approx(grows, rel=0.2)
 
 
+@pytest.mark.parametrize("seed", [8_400_001, 8_500_007])
+def test_the_end_of_a_minutes_drive_is_no_load_that_falls(named: Named, seed: int) -> None:
+    found = named(("a recursion ungated", 3.0), seed=seed)
+    assert found["cause"].to_list() == ["wind_up"]
+
+
 def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Named) -> None:
     row = named(("force late", 4.0)).row(0, named=True)
     assert row["channel"] == "torque_left_N_m"
