@@ -271,7 +271,7 @@ def main(logs: int = 100, seed: int = 77, whole: int = 0, write: bool = False) -
         markdown(["no change", "one state", "cannot tell"], list(one_state(dice, 4 * logs))),
         markdown(
             ["scatter", "states", "mass held", "payload held", "r.m.s. payload error / u"],
-            list(held(dice, 4 * logs)),
+            list(held(dice, 40 * logs)),
         ),
     ]
     text = "\n\n".join(tables)
