@@ -56,9 +56,9 @@ class LevelShape:
         out[:, count:] = values[:, 1:]
         return out
 
-    def square(self, values: Floats, of: Ints | None = None) -> Floats:
+    def square(self, values: Floats) -> Floats:
         """The sum (wide, wide) of (groups, p, p)."""
-        return _square(values, self.levels.of if of is None else of, self.levels.count)
+        return _square(values, self.levels.of, self.levels.count)
 
     def wide(self, turns: Floats, of: Ints) -> Floats:
         """(wide, p) of (groups, p, p): what an error that all share does to the scores."""

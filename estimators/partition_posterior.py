@@ -99,7 +99,7 @@ class PartitionPosterior:
         """
         by_state = self._by_state(state)
         best, logs = None, []
-        for weight, level in levels_of(by_state.shape[0]):
+        for weight, level in _levels_of(by_state.shape[0]):
             sums = np.zeros((int(level.max()) + 1, by_state.shape[1]))
             np.add.at(sums, level, by_state)
             log, levels, effects = self._of_levels(sums)
@@ -108,7 +108,7 @@ class PartitionPosterior:
                 best = logs[-1], levels[level], level, effects
         assert best is not None
         posterior = float(np.logaddexp.reduce(logs)) + self._log
-        posterior += log_prior(self.units.kind, np.diff(state) > 0)
+        posterior += _log_prior(self.units.kind, np.diff(state) > 0)
         return Partition(state, best[1], best[2], self.scatter, best[3], posterior)
 
     def _by_state(self, state: Ints) -> Floats:
@@ -144,13 +144,12 @@ def _solved(whole: Floats, right: Floats) -> tuple[Floats, float]:
     # once factored, both are at hand; numpy's own pair takes three times as long
     factor, solution, fault = dposv(whole, right)
     if fault:
-        return np.asarray(np.linalg.solve(whole, right), np.float64), float(
-            np.linalg.slogdet(whole)[1]
-        )
+        solution = np.asarray(np.linalg.solve(whole, right), np.float64)
+        return solution, float(np.linalg.slogdet(whole)[1])
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
-def levels_of(states: int) -> list[tuple[float, Ints]]:
+def _levels_of(states: int) -> list[tuple[float, Ints]]:
     """Which level each state may have, (states,), with the logarithm of how probable that is."""
     own = np.arange(states)
     if states <= 2:
@@ -174,7 +173,7 @@ def _log_of_levels(level: Floats, variance: Floats, spread: float) -> float:
     return float(np.logaddexp.reduce(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
 
 
-def log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
+def _log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
     """No change as likely as some; then every rate of changes, and every choice of places.
 
     Where something else tells a change, the rate of changes is as likely as it is high, or what
