@@ -25,11 +25,16 @@ Bools = NDArray[np.bool_]
 #: A resistance that grows by this share of the force that the log drives with, over one start,
 _GROWS: Final = 0.2
 #: and by so many of its deviations, is no ground.
-_SURELY: Final = 5.0
+_SURELY: Final = 4.0
+#: It begins after one of these shares of the start.
+_MET_AFTER: Final = (0.0, 0.15, 0.3, 0.45, 0.6)
 #: What a signal reaches: this quantile of it.
 _REACHES: Final = 0.95
 #: Driving that pauses for less is one start.
 _MOMENT_S: Final = 0.25
+#: A machine that slows down is still driving against something while its force is above this share
+#: of what the log drives with; brakes come with the throttle shut.
+_STILL_DRIVES: Final = 0.4
 #: Who drives for longer is on the way somewhere.
 _LONGEST_S: Final = 15.0
 #: A start of fewer samples tells nothing.
@@ -47,8 +52,9 @@ _LASTS: Final = 10.0
 
 
 def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
-    """Find the starts whose resistance grows: F = m·a + b·v + c + d·t, with d far above none.
+    """Find the starts whose resistance grows: F = m·a + b·v + c + d·max(0, t - t₀) with d > 0.
 
+    A start goes on while the force still drives, though the pile slows the machine down.
     Mass, friction and constant have wide priors about what the machine can be, so that a short
     start with an even acceleration, which could be a heavy machine as well, is not taken for one.
 
@@ -62,11 +68,14 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     A, force = regressor(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
-    driving &= np.isfinite(A).all(axis=1) & np.isfinite(force)
+    slowing = (excitation["phase"] == "braking").fill_null(False).to_numpy()
+    whole = np.isfinite(A).all(axis=1) & np.isfinite(force)
+    driving &= whole
     t_ns = excitation["t_ns"].to_numpy()
     found: list[tuple[int, int, float, float]] = []
     if np.count_nonzero(driving) >= _FEWEST:
         largest_N, fastest = _largest(force[driving]), _largest(speed[driving])
+        against = slowing & whole & (np.sign(speed) * force > _STILL_DRIVES * largest_N)
         mass_kg = machine.machine.empty_mass_kg or largest_N / max(
             _largest(acceleration[driving]), 1e-3
         )
@@ -77,7 +86,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
                 _CONSTANT_WIDTH * largest_N,
             ]
         )
-        for rows in _starts(driving, speed, machine.settings):
+        for rows in _starts(driving | against, speed, machine.settings):
             way = np.sign(np.mean(speed[rows]))
             grown_N, std_N = _growth(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
@@ -144,6 +153,8 @@ def _growth(
 ) -> tuple[float, float]:
     """The growth of the resistance over a start, and its deviation, in N.
 
+    Of the moments from which it may grow, the likeliest.
+
     Args:
         motion: (samples, 2) acceleration and speed.
         force: (samples,).
@@ -152,10 +163,18 @@ def _growth(
         widths: (3,) of the priors of mass, viscous friction and constant.
         noise_N: standard deviation of the force about the model.
     """
-    design = np.column_stack([motion, np.ones(force.size), progress])
     weight = 1.0 / (noise_N**2 * _LASTS)
     known = np.append(widths**-2.0, 0.0)
-    information = weight * design.T @ design + np.diag(known)
-    right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
-    covariance = np.linalg.inv(information)
-    return float(covariance[3] @ right), float(np.sqrt(covariance[3, 3]))
+    likeliest, growth, variance = -np.inf, 0.0, np.inf
+    for met in _MET_AFTER:
+        ramp = np.maximum(progress - met, 0.0) / (1.0 - met)
+        design = np.column_stack([motion, np.ones(force.size), ramp])
+        information = weight * design.T @ design + np.diag(known)
+        right = weight * design.T @ force + known * np.array([mean_kg, 0.0, 0.0, 0.0])
+        covariance = np.linalg.inv(information)
+        # the sum of squares that this ramp leaves is less by as much
+        taken = float(right @ covariance @ right)
+        if taken > likeliest:
+            likeliest, growth = taken, float(covariance[3] @ right)
+            variance = float(covariance[3, 3])
+    return growth, float(np.sqrt(variance))

@@ -13,27 +13,49 @@ from replay import load_machine
 
 MACHINE = load_machine(Path("cat262c.toml"))
 RATE_HZ = 100
+THROTTLE_N = 5000.0
+
+
+def against_a_pile(
+    mass_kg: float, friction_N_s_m: float, constant_N: float, pile_N: np.ndarray
+) -> np.ndarray:
+    """The acceleration under a throttle that is held: up, and down again as the pile grows."""
+    speed, found = 0.0, []
+    for resistance_N in pile_N:
+        net_N = THROTTLE_N - friction_N_s_m * speed - constant_N - resistance_N
+        found.append(net_N / mass_kg)
+        speed += found[-1] / RATE_HZ
+    return np.array(found)
 
 
 def starts(
-    masses_kg: list[float], friction_N_s_m: float, constant_N: float, piles_N: list[float]
+    masses_kg: list[float],
+    friction_N_s_m: float,
+    constant_N: float,
+    piles_N: list[float],
+    free_s: float = 0.0,
 ) -> pl.DataFrame:
-    """One start a mass, its force what the equation asks for, and a pile's resistance on top."""
+    """One start a mass, its force what the equation asks for, and a pile's resistance on top.
+
+    The pile is met after `free_s`, and grows until the start's end.
+    """
     parts: list[pl.DataFrame] = []
     random = np.random.default_rng(1)
     for mass, pile in zip(masses_kg, piles_N, strict=True):
         t = np.arange(0.0, 4.0, 1.0 / RATE_HZ)
         acceleration = 1.5 * np.exp(-t / 1.2)
-        if pile:  # it slows down again
-            acceleration = 2.0 * np.exp(-t / 0.5) - 0.2
+        pile_N = pile * np.maximum(t - free_s, 0.0) / (4.0 - free_s)
+        if pile:
+            acceleration = against_a_pile(mass, friction_N_s_m, constant_N, pile_N)
         speed = np.cumsum(acceleration) / RATE_HZ
-        force = mass * acceleration + friction_N_s_m * speed + constant_N + pile * t / 4.0
+        force = mass * acceleration + friction_N_s_m * speed + constant_N + pile_N
+        slows = acceleration < -0.05  # the phase takes it for braking
         moving = pl.DataFrame(
             {
                 "regressor_acc_x_m_s2": acceleration,
                 "speed_x_m_s": speed,
                 "force_x_N": force + random.normal(0.0, 30.0, t.size),
-                "phase": ["accelerating"] * t.size,
+                "phase": np.where(slows, "braking", "accelerating"),
             }
         )
         stand = pl.DataFrame(
@@ -54,6 +76,21 @@ def test_no_start_without_a_pile_digs(
 ) -> None:
     frame = starts(masses, friction, constant, [0.0] * len(masses))
     assert digging(frame, MACHINE).is_empty()
+
+
+@given(
+    st.floats(3600.0, 4700.0),
+    st.floats(0.0, 600.0),
+    st.floats(0.0, 500.0),
+    st.floats(5500.0, 7000.0),
+    st.floats(0.5, 1.5),
+)
+def test_a_pile_that_is_met_at_speed_and_slows_the_machine_down_is_told(
+    mass: float, friction: float, constant: float, pile: float, free_s: float
+) -> None:
+    frame = starts([mass] * 3, friction, constant, [pile] * 3, free_s)
+    assert "braking" in frame["phase"].unique()
+    assert digging(frame, MACHINE).height == 3
 
 
 def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() -> None:
