@@ -25,7 +25,7 @@ Bools = NDArray[np.bool_]
 #: A resistance that grows by this share of the force that the log drives with, over one start,
 _GROWS: Final = 0.2
 #: and by so many of its deviations, is no ground.
-_SURELY: Final = 4.0
+SURELY: Final = 4.0
 #: It begins after one of these shares of the start.
 _MET_AFTER: Final = (0.0, 0.15, 0.3, 0.45, 0.6)
 #: What a signal reaches: this quantile of it.
@@ -96,7 +96,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
                 widths,
                 _MISFIT * largest_N,
             )
-            if grown_N > max(_GROWS * largest_N, _SURELY * std_N):
+            if grown_N > max(_GROWS * largest_N, SURELY * std_N):
                 found.append((int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N))
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from analysis.digging import SURELY
 from analysis.findings.case import Case
 from analysis.findings.cause import Change, Sign
 from analysis.findings.constants import DEVIATIONS, LEAST_SHARE, constants
@@ -290,7 +291,7 @@ def external_force(case: Case) -> list[Sign]:
     begin, end = (int(digs[name][worst]) for name in ("start_t_ns", "end_t_ns"))
     return [
         Sign(
-            float(growth[worst] / std[worst]) / 5.0 * np.sqrt(digs.height),
+            float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
             f"in {digs.height} starts a resistance grows, by up to {growth[worst]:.0f} ± "
             f"{std[worst]:.0f} N; they are left out",
             channel=case.force_channel,

@@ -82,6 +82,7 @@ CAUSES: Final = (
         "nothing more",
         readings.spikes,
         explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
+        outdone=3.0,
     ),
     Cause(
         "quantised",
@@ -195,7 +196,11 @@ CAUSES: Final = (
         "something pushes back: a pile",
         "a start of three seconds against it",
         model.external_force,
-        explains=("driveline", "coulomb", "load_changed_inside"),
+        # its starts are left out, and little may be left
+        explains=(
+            *("driveline", "coulomb", "load_changed_inside"),
+            *("too_little_excitation", "collinear"),
+        ),
     ),
     Cause(
         "load_changed_inside",
