@@ -21,6 +21,9 @@ from analysis.gate import accepted_samples
 from analysis.phases import beside_speed_rate
 from analysis.schema import build, values
 
+#: Fewer moving samples have no sign.
+_FEWEST_MOVING: Final = 100
+
 
 def verdict(evidence: Evidence) -> pl.DataFrame:
     """Judge the log, a row a check; `passed` is null where a check does not apply."""
@@ -57,6 +60,12 @@ def verdict(evidence: Evidence) -> pl.DataFrame:
 
 
 def _partial_correlation(_: Evidence, motion: Motion) -> float:
+    return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
+
+
+def _sign(_: Evidence, motion: Motion) -> float:
+    if np.count_nonzero(motion.moving) < _FEWEST_MOVING:
+        return np.nan
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
@@ -165,9 +174,10 @@ CHECKS: Final = (
     CheckRow(
         "force_sign",
         "mass",
-        _partial_correlation,
+        _sign,
         "correlation of acceleration and force, likewise: far below 0 the force is inverted",
         minimum="force_sign_min",
+        optional=True,
         remedy="the sign is inverted: scale = -1 in channels.force_x_N, or of both torques",
     ),
     *_of_model("mass", _Words("", "acceleration", "speed", "mass", "force", "motion")),
