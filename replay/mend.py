@@ -1,8 +1,9 @@
 """A machine file mended by what a log shows: one proposal at a time, each tried by a replay.
 
-A proposal is kept where the log then still weighs, no longer shows that cause (or shows less of it,
-and the mass moved as claimed), and is known no worse. The next one is taken from what the log shows
-after it: what one cause explains is gone with it, and is not mended while that cause stays.
+A proposal is kept where the log then still weighs, no longer shows that cause (or less than half of
+it, or less of it and the mass moved as claimed), and is known no worse. The next one is taken from
+what the log shows after it: what one cause explains is gone with it, and is not mended while that
+cause stays.
 """
 
 import math
@@ -32,6 +33,8 @@ _MOST: Final = 8
 _WIDER: Final = 1.05
 #: A mass moved as claimed is so many standard uncertainties from that, and a claim so many from 0.
 _COVERAGE: Final = 2.0
+#: What a proposal leaves of a cause is a remainder from this share of its strength on down.
+_REMAINDER: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,15 +221,19 @@ def _worse(before: Run, after: Run, finding: Finding) -> str:
     if was.verdict.can_weigh and not now.verdict.can_weigh:
         return "the log could no longer weigh"
     still = next((each for each in findings_of(after) if _key(each) == _key(finding)), None)
-    if still is not None and not (
-        still.strength_1 < finding.strength_1 and _as_claimed(was, now, finding)
-    ):
+    if still is not None and not _less(still, finding, _as_claimed(was, now, finding)):
         return "the log still shows it"
     if finding.severity == "withhold" or not was.verdict.can_weigh:
         return ""
     if finding.severity == "tell" and _u_kg(now) > _WIDER * _u_kg(was):
         return "the uncertainty would grow"
     return ""
+
+
+def _less(still: Finding, finding: Finding, as_claimed: bool) -> bool:
+    """Whether a cause is nearly gone, or shows less and moved the mass as was claimed."""
+    left = still.strength_1 / finding.strength_1
+    return left < _REMAINDER or (left < 1.0 and as_claimed)
 
 
 def _as_claimed(was: Answer, now: Answer, finding: Finding) -> bool:

@@ -86,6 +86,7 @@ class TestFaultsPutIntoTheLinearAxis:
         assert found.place <= place, found
         # without it the mass is 94.6 kg
         if mends:
+            assert found.mended, found
             assert found.mended_kg == pytest.approx(94.6, abs=1.0), found
         else:
             assert not found.mended, found
