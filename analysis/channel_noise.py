@@ -241,7 +241,9 @@ def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
             if power is None:
                 power = block_power(samples.x[:, column], samples.every_block, samples.fast)
             if power is not None:
-                spectra[column, column] = _level(power[0], made[column], samples.fast)
+                # one that mostly keeps its reading has the noise of rounding at least
+                level = _level(power[0], made[column], samples.fast)
+                spectra[column, column] = np.maximum(level, _rounding(samples, column))
     # what is differentiated, and its derivative, have one noise
     at = spectrum_frequencies()
     for column, how in enumerate(made):
@@ -269,9 +271,14 @@ def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
     return covariances_of(spectra), ["standstill" if alive else "differences" for alive in live]
 
 
+def _rounding(samples: _Samples, column: int) -> float:
+    """The variance below which a column's changes are rounding."""
+    return (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column]), initial=0.0))) ** 2
+
+
 def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
     """Whether a column shows its noise at standstill: most pieces hold more than few values."""
-    least = (_ROUNDING * float(np.nanmax(np.abs(samples.x[:, column])))) ** 2
+    least = _rounding(samples, column)
     noisy = [float((part[:, column] ** 2).mean()) > least for part in cut]
     many = [
         np.unique(samples.x[begin : min(end, begin + LAGS), column]).size > _FEW_VALUES

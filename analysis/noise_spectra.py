@@ -218,12 +218,21 @@ def quantum(x: Floats, of: Bools) -> float | None:
     """The step that a column's readings are multiples of, None where there is none to see.
 
     Readings between two stamps are not; of those only multiples of the step occur again and again.
+    Where two rates keep step with each other some others do as well, but not twice in a row.
     """
-    taken = x[of]
-    taken = taken[:: max(taken.size // _LOOKED_AT, 1)]
+    held = of.copy()
+    held[1:] &= x[1:] == x[:-1]
+    step = _step(x[held], int(of.sum()))
+    return _step(x[of], int(of.sum())) if step is None else step
+
+
+def _step(taken: Floats, of: int) -> float | None:
+    """What readings are multiples of that occur again and again among so many."""
+    every = max(taken.size // _LOOKED_AT, 1)
+    taken, of = taken[::every], of // every
     reading, times = np.unique(taken, return_counts=True)
     often = times >= _OFTEN
-    if often.sum() < 2 or times[often].sum() < _MANY * taken.size:
+    if often.sum() < 2 or times[often].sum() < _MANY * of:
         return None
     gaps = np.diff(reading[often])
     step = float(gaps.min())

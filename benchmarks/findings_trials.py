@@ -87,7 +87,7 @@ def tried(sections: Sections, faults: Sequence[tuple[Fault, float]]) -> Found | 
     """What the log with them says; None where no machine can drive like that."""
     try:
         return found(replayed(sections, faults))
-    except (PayscopeError, ArithmeticError):
+    except PayscopeError:
         return None
 
 

@@ -29,6 +29,8 @@ _FEWEST: Final = 200
 _SPIKE: Final = 8.0
 #: which agree within this share of that.
 _NEIGHBOURS: Final = 0.4
+#: One beside readings without noise is no more than this.
+_MOST_DEVIATIONS: Final = 1000.0
 #: Readings of a neighbourhood whose deviation is taken.
 _BLOCK: Final = 200
 #: Force and acceleration, which a stop or a knock moves at once: by so many deviations,
@@ -224,7 +226,8 @@ def _found_spikes(case: Case) -> dict[str, _Spikes]:
         if x.size < 3 * _BLOCK:
             continue
         middle = x[1:-1] - (x[:-2] + x[2:]) / 2.0
-        scale = _local_deviation(middle)
+        # a coarse channel is off by a step now and then
+        scale = np.maximum(_local_deviation(middle), _steps(case, name)[1] / np.sqrt(12.0))
         far = np.abs(middle) > _SPIKE * scale
         far &= np.abs(x[2:] - x[:-2]) < _NEIGHBOURS * np.abs(middle)
         places = np.flatnonzero(far) + 1
@@ -235,7 +238,7 @@ def _found_spikes(case: Case) -> dict[str, _Spikes]:
         found[name] = _Spikes(
             t[places],
             float(np.median(size)),
-            float(np.max(size / scale[places - 1])),
+            min(float(np.max(size / scale[places - 1])), _MOST_DEVIATIONS),
             _beside(case, t[places]),
         )
     return found

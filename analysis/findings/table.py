@@ -82,7 +82,7 @@ CAUSES: Final = (
         "nothing more",
         readings.spikes,
         explains=("load_changed_inside", "external_force", *_OF_RESIDUALS),
-        outdone=3.0,
+        outdone=2.0,
     ),
     Cause(
         "quantised",

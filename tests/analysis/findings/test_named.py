@@ -116,6 +116,43 @@ def test_the_end_of_a_minutes_drive_is_no_load_that_falls(named: Named, seed: in
     assert found["cause"].to_list() == ["wind_up"]
 
 
+@pytest.mark.parametrize("seed", [8_400_000, 8_500_022, 8_900_001])
+def test_the_knock_of_a_load_that_stops_pouring_is_not_the_reason_for_it(
+    named: Named, seed: int
+) -> None:
+    found = named(("a bucket that fills", 10.0), seed=seed)
+    assert found["cause"][0] == "load_changed_inside"
+
+
+@pytest.mark.parametrize(
+    ("seed", "size"), [(8_400_000, 3.0), (8_500_000, 10.0), (8_500_010, 10.0), (8_700_017, 1.0)]
+)
+def test_a_pile_is_named_first_where_it_leaves_nothing_to_weigh_by(
+    named: Named, seed: int, size: float
+) -> None:
+    assert named(("a pile", size), seed=seed)["cause"][0] == "external_force"
+
+
+@pytest.mark.parametrize("seed", [8_700_003, 8_700_013])
+def test_what_hardly_moves_has_no_wrong_sign(named: Named, seed: int) -> None:
+    found = named(("weak starts", 10.0), seed=seed)
+    assert found["cause"].to_list() == ["too_little_excitation"]
+
+
+def test_steps_of_a_coarse_speed_are_no_spikes_and_hide_none(named: Named) -> None:
+    found = named(("speed coarse", 10.0), ("torque with spikes", 10.0), seed=8_600_249)
+    channels = dict(found.select("cause", "channel").iter_rows())
+    assert channels["spikes"] == "torque_left_N_m"
+    assert channels["quantised"].startswith("speed")
+
+
+@pytest.mark.parametrize("seed", [8_600_207, 8_600_311])
+def test_a_speed_of_a_fifth_of_a_metre_a_second_is_a_finding_and_no_fault(
+    named: Named, seed: int
+) -> None:
+    assert "quantised" in named(("speed coarse", 10.0), seed=seed)["cause"].to_list()
+
+
 def test_a_delay_is_told_with_its_channel_its_size_and_what_mends_it(named: Named) -> None:
     row = named(("force late", 4.0)).row(0, named=True)
     assert row["channel"] == "torque_left_N_m"
