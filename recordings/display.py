@@ -139,6 +139,8 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     if not view.wild:
         return None
     drawn = list(series_of(view, run))
+    if not drawn:
+        return None
     values = pl.concat([run.frames[name][series.column] for series, name in drawn])
     values = values.filter(values.is_finite())
     stds = [run.frames[name][series.std] for series, name in drawn if series.std]

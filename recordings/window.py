@@ -27,8 +27,8 @@ def read_window(
         raw: whether to read the channels of the log as well.
 
     Raises:
-        RecordingError: as `read_recording`; the stretch is none; and nothing of the recording lies
-            there.
+        RecordingError: as `read_recording`; the stretch is none; nothing of the recording lies
+            there; and it keeps no frames.
     """
     whole_run = from_s is None and to_s is None
     if whole_run and raw:
@@ -43,6 +43,7 @@ def read_window(
     frames: dict[str, pl.DataFrame] = {}
     heights: dict[str, int] = {}
     with opened(path) as held:
+        held.refuse_without_stages()
         for stored in held.manifest.frames:
             if not raw and stored.name.startswith("raw/"):
                 heights[stored.name] = stored.rows

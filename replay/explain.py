@@ -133,6 +133,7 @@ def _differs(held: OpenRecording, machine: Machine) -> bool:
 
 def _read(held: OpenRecording, *, pictured: bool) -> Run:
     """What an explanation looks at, and a picture shows: a shift is much more."""
+    held.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in held.stages.items():
         if name in SMALL:
@@ -143,4 +144,13 @@ def _read(held: OpenRecording, *, pictured: bool) -> Run:
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]
     frames = {name: held.read(name, columns) for name, columns in wanted.items()}
+    # what a recovered recording has lost must not pass for what its log does not show
+    lost = [each for each in held.manifest.frames if each.name in frames]
+    lost = [each for each in lost if frames[each.name].height != each.rows]
+    if lost:
+        more = f" (and {len(lost) - 1} more stages miss rows)" if len(lost) > 1 else ""
+        raise RecordingError(
+            f"{held.path}: is not whole: '{lost[0].name}' has {frames[lost[0].name].height} of "
+            f"{lost[0].rows} rows{more}; replay its log"
+        )
     return Run(frames, held.provenance)
