@@ -14,7 +14,7 @@ from recordings.viewer import executable
 from replay import load_machine, open_log
 from replay.pipeline import run
 from replay.readers import Log
-from tests.replay.sledge import Payscope
+from tests.replay.sledge import Payscope, one_line
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 
@@ -51,6 +51,15 @@ def test_commands_take_it_in_the_place_of_a_log(
     assert payscope("run", recorded, "-m", machine_file, "-o", again).status == 0
     assert read_recording(again).frames["loads"].equals(read_recording(recorded).frames["loads"])
     assert "recording" in payscope("info", recorded).out
+
+
+def test_it_is_not_replaced_by_its_own_replay_also_with_force(
+    payscope: Payscope, recorded: Path, machine_file: Path
+) -> None:
+    before = recorded.read_bytes()
+    said = payscope("run", recorded, "-m", machine_file, "-o", recorded, "--force")
+    one_line(said, recorded.name, "is the input itself")
+    assert recorded.read_bytes() == before
 
 
 def test_a_field_that_was_not_recorded_and_a_recording_without_channels_are_one_line(
