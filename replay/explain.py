@@ -70,6 +70,7 @@ def explain_run(
     """
     _check(asked)
     whole = _run(asked, on_stage)
+    _check_moment(asked, whole)
     explained = explain(whole, asked.at_s)
     if asked.picture is not None:
         from recordings.explained_picture import plot_explanation
@@ -103,6 +104,17 @@ def _check(asked: Asked) -> None:
             )
         keep_apart(asked.mended_file, inputs)
         check_output(asked.mended_file, force=asked.force)
+
+
+def _check_moment(asked: Asked, run: Run) -> None:
+    gate = run.frames.get("gate")
+    if asked.at_s is None or gate is None or gate.is_empty():
+        return
+    first_s, last_s = (round(int(gate["t_ns"][place]) / 1e9, 1) for place in (0, -1))
+    if not first_s <= round(asked.at_s, 1) <= last_s:
+        raise RecordingError(
+            f"{asked.path}: nothing at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
+        )
 
 
 def _run(asked: Asked, on_stage: Callable[[str], None]) -> Run:

@@ -85,6 +85,16 @@ def test_json_has_everything_that_is_said(payscope: Payscope, log: Path, late: P
     assert {"determined", "verdict", "loads", "manoeuvre"} <= set(told)
 
 
+def test_a_moment_outside_of_the_run_is_one_line(
+    payscope: Payscope, log: Path, late: Path, tmp_path: Path
+) -> None:
+    picture = tmp_path / "why.png"
+    for second in ("-5", "900"):
+        said = payscope("explain", log, "-m", late, "--at", second, "-o", picture)
+        one_line(said, log.name, f"nothing at {second} s", "it has 0 to 39.9 s")
+    assert not picture.exists()
+
+
 @pytest.fixture
 def flipped(tmp_path: Path) -> Path:
     """A machine file that takes the force the wrong way round."""
