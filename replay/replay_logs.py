@@ -77,8 +77,8 @@ def replay_logs(
         by = load_calibration(calibration)
         machine = by.checked(by.weighing(machine), machine_file)
     if output.path is not None:
-        keep_apart(output.path, (path for path in logs if path.exists()))
         check_recording(output.path, force=output.force)
+        keep_apart(output.path, (path for path in logs if path.exists()))
     # before the work: without a screen there is nothing to wait for
     viewer = output.viewer or (LiveView(start_viewer()) if output.live else None)
     with ExitStack() as stack:
