@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 _PAGE: Final = 860.0
 _AROUND_LANES: Final = 70.0
 _LANE: Final = 40.0
+#: What a plot needs: title and times, and each name of its legend, which the viewer gives four
+#: fifths of the height.
+_AROUND_PLOT: Final = 55.0
+_NAME: Final = 23.0 / 0.8
 #: Lanes take no more of a page than this.
 _MOST_LANES: Final = 0.6
 #: Room for legends behind the log, as a share of it; a panel beside a text is narrower.
@@ -40,11 +44,21 @@ class Panel:
     kind: Kind
     drawn: tuple[Drawn, ...]
     bulk: tuple[float, float] | None = None
+    named_above: bool = False
+    """Whether the panel above names its lines as well."""
 
     @property
     def has_legend(self) -> bool:
         """Whether its lines need names; extremes of one line do not."""
-        return self.kind is not Kind.STATES and sum(not each.faint for each in self.drawn) > 1
+        lines = sum(not each.faint for each in self.drawn)
+        return self.kind is not Kind.STATES and lines > 1 and not self.named_above
+
+    @property
+    def plot_share(self) -> float:
+        """What a plot needs of the height of a page so that its legend is not cut."""
+        # lines of one name have one entry
+        names = len({each.label for each in self.drawn}) if self.has_legend else 1
+        return (_AROUND_PLOT + _NAME * names) / _PAGE
 
     @property
     def lanes_share(self) -> float:
@@ -152,12 +166,28 @@ def _tab(page: Page, span: tuple[int, int] | None, under: str) -> "rrb.Container
 
 
 def _shares(page: Page) -> list[float]:
-    """Heights of a page's panels, and of its events: lanes as they need, the others alike."""
-    needed = [panel.lanes_share for panel in page.panels] + [0.0] * page.events
-    shrunk = min(1.0, _MOST_LANES / (sum(needed) or 1.0))
-    others = sum(each == 0.0 for each in needed)
-    left = (1.0 - shrunk * sum(needed)) / max(others, 1)
-    return [shrunk * each or left for each in needed]
+    """Heights of a page's panels, and of its events.
+
+    Lanes have what they need, the others are alike but for those whose legend needs more.
+    """
+    lanes = [panel.lanes_share for panel in page.panels] + [0.0] * page.events
+    shrunk = min(1.0, _MOST_LANES / (sum(lanes) or 1.0))
+    least = [panel.plot_share for panel in page.panels] + [0.0] * page.events
+    plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
+    heights = iter(_levelled(plots, 1.0 - shrunk * sum(lanes)))
+    return [shrunk * lane or next(heights) for lane in lanes]
+
+
+def _levelled(least: Sequence[float], room: float) -> list[float]:
+    """Share out room alike, but give each its least; where that is too much, less of it each."""
+    if sum(least) >= room:
+        return [room * each / sum(least) for each in least]
+    level, higher = room / max(len(least), 1), 0
+    while (count := sum(each > level for each in least)) > higher:
+        higher = count
+        taken = sum(each for each in least if each > level)
+        level = (room - taken) / (len(least) - higher)
+    return [max(each, level) for each in least]
 
 
 def _axis(span: tuple[int, int] | None, room: float) -> "rrb.TimeAxis":

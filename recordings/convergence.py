@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.run import Run
 from recordings import colours
+from recordings.display import span_ns
 from recordings.picture import legend_above
 
 if TYPE_CHECKING:
@@ -38,11 +39,16 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     for method in _RECURSIVE if len(starts) <= _LOADS else ():
         frame = run.frames.get(f"estimates/{method}")
         if frame is not None and frame.height and "mass_kg" in frame.columns:
-            bounds += _recursion(axes, frame, method, starts)
-    bounds += _running_means(axes, run)
-    bounds += _answers(axes, run)
+            bounds += _recursion(axes, frame, method, starts, _period_ns(run))
+    means = _running_means(axes, run)
+    answers = _answers(axes, run)
+    bounds += means + answers
     if at_s is not None:
         axes.axvline(at_s, color="black", lw=0.8, ls="--")
+    span = span_ns(run)
+    if span is not None and span[0] < span[1]:
+        # a load reaches beyond a stretch
+        axes.set_xlim(span[0] / _NS, span[1] / _NS)
     axes.set_ylabel("mass (kg)", fontsize=_SMALL)
     axes.set_xlabel("s since the start", fontsize=_SMALL)
     axes.tick_params(labelsize=_SMALL)
@@ -53,6 +59,12 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
         return
     # where most of it lies: a recursion begins anywhere
     low, high = np.quantile(known, [0.05, 0.95])
+    # what it settles to, wherever a recursion of many rows lies
+    for each in (means, answers):
+        there = [number for number in each if np.isfinite(number)]
+        if there:
+            ends = np.quantile(there, [0.05, 0.95])
+            low, high = min(low, ends[0]), max(high, ends[1])
     room = _ROOM * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_ylim(low - room, high + room)
     legend_above(axes, 7)
@@ -63,15 +75,22 @@ def _starts(run: Run) -> list[int]:
     return [] if loads is None else loads["start_t_ns"].sort().to_list()
 
 
-def _recursion(axes: "Axes", frame: pl.DataFrame, method: str, starts: list[int]) -> list[float]:
+def _period_ns(run: Run) -> float:
+    return _NS / run.provenance.settings.align.rate_hz
+
+
+def _recursion(
+    axes: "Axes", frame: pl.DataFrame, method: str, starts: list[int], period_ns: float
+) -> list[float]:
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
     step = -(-rows.height // _POINTS)
     # the last of each few: what it had settled to
     rows = rows.gather_every(step, offset=min(step - 1, max(rows.height - 1, 0)))
     t = rows["t_ns"].to_numpy()
     mass, std = (_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
-    # no line from one load to the next
-    begins = np.searchsorted(t, starts[1:])
+    # no line from one load to the next, nor where nothing was accepted
+    gaps = 1 + np.flatnonzero(np.diff(t) > 1.5 * step * period_ns)
+    begins = np.union1d(np.searchsorted(t, starts[1:]), gaps)
     mass = np.insert(mass, begins, np.nan)
     std, t_s = np.insert(std, begins, np.nan), np.insert(t / _NS, begins, np.nan)
     colour = colours.method(method)

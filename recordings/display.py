@@ -87,13 +87,15 @@ def drawn_of(view: View, run: Run, shown: Mapping[str, pl.DataFrame]) -> tuple[D
         colour = colours.method(method) if method else colours.line(number)
         frame = _shown(name)
         variance = _variance(series.std) if series.std else None
-        if view.kind is Kind.LINES and _extreme(series.column, "min") in shown[frame].columns:
-            for end in _ENDS:
-                column = _extreme(series.column, end)
-                drawn.append(Drawn(frame, column, f"{label}, {end}", colour, faint=True))
-            label += ", mean"
         dotted = series.frame in _SHORT or stands_alone(shown[frame][series.column])
+        extremes = (
+            view.kind is Kind.LINES and _extreme(series.column, "min") in shown[frame].columns
+        )
+        # lines of one name have one entry in a legend, in the colour of the first
+        label += ", binned" if extremes else ""
         drawn.append(Drawn(frame, series.column, label, colour, variance, dotted=dotted))
+        ends = [_extreme(series.column, end) for end in _ENDS if extremes]
+        drawn += [Drawn(frame, end, label, colour, faint=True) for end in ends]
     if drawn and view.threshold is not None:
         unit = "" if view.unit == "1" else f" {view.unit}"
         label = f"threshold {_threshold(run, view):g}{unit}"
@@ -139,6 +141,8 @@ def axis_range(view: View, run: Run) -> tuple[float, float] | None:
     if not view.wild:
         return None
     drawn = list(series_of(view, run))
+    if not drawn:
+        return None
     values = pl.concat([run.frames[name][series.column] for series, name in drawn])
     values = values.filter(values.is_finite())
     stds = [run.frames[name][series.std] for series, name in drawn if series.std]

@@ -90,9 +90,10 @@ def _pages(a: _Side, b: _Side, less: _Side) -> list[Page]:
             led = view.kind is Kind.LINES and view.name not in _CONTEXT and view in elsewhere
             if led and len(moved) > _FEW:
                 continue
-            panels.append(_over(view, a, b))
+            over = _over(view, a, b)
+            panels.append(over)
             if view.kind is Kind.BANDS:  # the other tabs have the differences of what led to it
-                panels.append(_difference(view, less))
+                panels.append(_difference(view, less, over))
         elif view.name in _CONTEXT:
             panels.append(_alone(view, a))
     pages = [Page("Compared", tuple(filter(None, panels)), (COMPARED,))]
@@ -105,7 +106,10 @@ def _pages(a: _Side, b: _Side, less: _Side) -> list[Page]:
         # the speed alone says nothing of what the tab is about
         if all(view.name in _CONTEXT for view in differ):
             continue
-        found = [panel for view in differ for panel in (_over(view, a, b), _difference(view, less))]
+        found: list[Panel | None] = []
+        for view in differ:
+            over = _over(view, a, b)
+            found += [over, _difference(view, less, over)]
         pages.append(Page(tab.name, tuple(filter(None, found))))
     return pages
 
@@ -134,16 +138,24 @@ def _over(view: View, a: _Side, b: _Side) -> Panel | None:
     if not (mine or theirs):
         return None
     lone = max(_named(mine), _named(theirs)) == 1
-    drawn = [*_looks(mine, _A, lone=lone), *_looks(theirs, _B, lone=lone)]
+    alike = set() if view.kind is Kind.STATES else _alike(mine, theirs, lone=lone)
+    drawn = [*_looks(mine, _A, alike, lone=lone), *_looks(theirs, _B, alike, lone=lone)]
+    title = f"{view.title}: A strong, B pale" if alike and not lone else view.title
     if view.kind is Kind.STATES:
         drawn = sorted(drawn, key=lambda each: each.label)
     ends = [each for side in (a, b) if (each := axis_range(view, side.run)) is not None]
     bulk = (min(low for low, _ in ends), max(high for _, high in ends)) if ends else None
-    return Panel(view.title, view.kind, tuple(drawn), bulk)
+    return Panel(title, view.kind, tuple(drawn), bulk)
 
 
-def _difference(view: View, less: _Side) -> Panel | None:
-    """B less A; None where no number differs, and of states."""
+def _alike(mine: Sequence[Drawn], theirs: Sequence[Drawn], *, lone: bool) -> set[str]:
+    """Names that A and B share in a legend, which would have too many otherwise."""
+    both = {each.label for each in mine} & {each.label for each in theirs}
+    return {each.label for each in mine if not lone or each.column == "threshold"} & both
+
+
+def _difference(view: View, less: _Side, over: Panel | None) -> Panel | None:
+    """B less A, below both over each other; None where no number differs, and of states."""
     if view.kind is Kind.STATES:
         return None
     plain = replace(
@@ -153,7 +165,14 @@ def _difference(view: View, less: _Side) -> Panel | None:
     if not drawn:
         return None
     named = tuple(replace(each, frame=_under(_LESS, each.frame)) for each in drawn)
-    return Panel(f"B − A: {view.title}", Kind.LINES, named, axis_range(plain, less.run))
+    above = set() if over is None else {each.label for each in over.drawn}
+    return Panel(
+        f"B − A: {view.title}",
+        Kind.LINES,
+        named,
+        axis_range(plain, less.run),
+        named_above=above.issuperset(each.label for each in named),
+    )
 
 
 def _moves(numbers: pl.Series) -> bool:
@@ -165,7 +184,7 @@ def _named(drawn: Sequence[Drawn]) -> int:
     return sum(not each.faint and each.column != "threshold" for each in drawn)
 
 
-def _looks(drawn: Sequence[Drawn], side: str, *, lone: bool) -> list[Drawn]:
+def _looks(drawn: Sequence[Drawn], side: str, alike: set[str], *, lone: bool) -> list[Drawn]:
     """A in the usual colours and wide, so that it shows under B; B in another colour, or paler."""
     found: list[Drawn] = []
     for each in drawn:
@@ -177,7 +196,7 @@ def _looks(drawn: Sequence[Drawn], side: str, *, lone: bool) -> list[Drawn]:
             replace(
                 each,
                 frame=_under(side, each.frame),
-                label=f"{side} {each.label}".strip(),
+                label=each.label if each.label in alike else f"{side} {each.label}".strip(),
                 colour=colour,
                 wide=side == _A and not each.faint,
             )

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure
 
 NS: Final = 1e9
+#: A stretch may have one sample.
+_SHORTEST_NS: Final = 10_000_000
 #: More points than this are drawn by bins, more changes of state as shares of time.
 _POINTS: Final = 4000
 _SPANS: Final = 300
@@ -75,7 +77,7 @@ def draw_over_time(
             axes.set_ylim(axis_range(view, run))
         if at_s is not None:
             axes.axvline(at_s, color="black", lw=0.8, ls="--", zorder=4)
-    rows[-1].set_xlim(span[0] / NS, span[1] / NS)
+    rows[-1].set_xlim(span[0] / NS, max(span[1], span[0] + _SHORTEST_NS) / NS)
     rows[-1].set_xlabel(f"s since {local_time(run.provenance)}", fontsize=_SMALL)
 
 

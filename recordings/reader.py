@@ -110,6 +110,18 @@ class OpenRecording:
         """The columns of each frame, by its name, in pipeline order."""
         return {each.name: tuple(c.name for c in each.columns) for each in self.manifest.frames}
 
+    def refuse_without_stages(self) -> None:
+        """Refuse a recording that only shows something, such as two others over each other.
+
+        Raises:
+            RecordingError: it keeps no frames.
+        """
+        if not self.manifest.frames:
+            notes = "; ".join(self.provenance.notes) or "it was written to be looked at"
+            raise RecordingError(
+                f"{self.path}: keeps no stages ({notes}); name a recording of `payscope run`"
+            )
+
     def read(self, name: str, columns: Sequence[str] | None = None) -> pl.DataFrame:
         """Read a frame, or some of its columns.
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _WIDTH_IN: Final = 8.0
 _PANEL_IN: Final = 2.0
 _JOINT: Final = "joint"
+#: Between two methods' bars, as a share of the least step between values.
+_APART: Final = 0.025
 #: Names are written on end where there are more.
 _LEVEL: Final = 5
 
@@ -98,7 +100,12 @@ def _places(rows: Sequence[SweptRow], axes: "Axes") -> NDArray[np.float64]:
     names = list(rows[0].over)
     if len(names) == 1 and all(_is_number(row.over[names[0]]) for row in rows):
         axes.set_xlabel(names[0])
-        return np.array([float(row.over[names[0]]) for row in rows])
+        places = np.array([float(row.over[names[0]]) for row in rows])
+        if np.unique(places).size == 1:
+            # an axis of its own would have its ticks where nothing was tried
+            axes.set_xticks(places[:1])
+            axes.set_xlim(places[0] - 0.5, places[0] + 0.5)
+        return places
     at = np.arange(len(rows), dtype=float)
     axes.set_xlabel(" · ".join(names))
     labels = [" · ".join(_said(row.over[name]) for name in names) for row in rows]
@@ -136,13 +143,23 @@ def _masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> 
     masses, stds = [row.mass_kg for row in rows], [row.mass_std_kg for row in rows]
     methods = _methods(masses)
     steps = np.diff(np.unique(at))
-    # beside each other, or bars at one place would hide each other
-    apart = (float(steps.min()) if steps.size else 1.0) * 0.06
-    for number, method in enumerate(methods):
+    # beside each other, or bars at one place would hide each other, but near their value
+    apart = (float(steps.min()) if steps.size else 1.0) * _APART
+    paper = [method for method in methods if method != _JOINT]
+    half = len(paper) // 2
+    places = {method: n - half for n, method in enumerate([*paper[:half], _JOINT, *paper[half:]])}
+    for method in methods:
         values, std = _numbers(masses, method), _numbers(stds, method)
         if np.isfinite(values).any():
-            shifted = at + apart * (number - (len(methods) - 1) / 2.0)
+            shifted = at + apart * places[method]
             axes.errorbar(shifted, values, yerr=std, fmt="o-", ms=3, label=method, **_looks(method))
+    _say_if_empty(axes)
+
+
+def _say_if_empty(axes: "Axes") -> None:
+    if not axes.lines:
+        axes.text(0.5, 0.5, "no mass", ha="center", transform=axes.transAxes)
+        axes.set_yticks([])
 
 
 def _payloads(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:
@@ -158,6 +175,7 @@ def _by_method(
         values = _numbers(parts, method)
         if np.isfinite(values).any():
             axes.plot(at, values, "o-", ms=3, label=method, **_looks(method))
+    _say_if_empty(axes)
 
 
 def _used(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> None:

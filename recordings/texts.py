@@ -98,6 +98,8 @@ def headline(said: Answer) -> str:
         if known:
             best = "pooled" if "pooled" in known else known[0]
             return f"{_of(row, best, *_MASS)} kg ({best}, statistical standard deviation)"
+    if not said.verdict.checks:
+        return "This recording holds no answer."
     return "No window of this log was accepted: there is no mass."
 
 

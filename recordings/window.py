@@ -11,6 +11,8 @@ from estimators.errors import RecordingError
 from recordings.reader import opened, read_recording, with_missing_rows
 
 _NS: Final = 1_000_000_000
+#: Later than any recording, and still whole nanoseconds.
+_LATEST_S: Final = 1e9
 
 
 def read_window(
@@ -27,22 +29,22 @@ def read_window(
         raw: whether to read the channels of the log as well.
 
     Raises:
-        RecordingError: as `read_recording`; the stretch is none; and nothing of the recording lies
-            there.
+        RecordingError: as `read_recording`; the stretch is none; nothing of the recording lies
+            there; and it keeps no frames.
     """
     whole_run = from_s is None and to_s is None
     if whole_run and raw:
         return read_recording(path)
+    check_stretch(path, from_s, to_s)
     stretch = _words(from_s, to_s)
-    ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
-    if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
-        raise RecordingError(
-            f"{path}: {stretch} is no stretch; name seconds since the start, the earlier first"
-        )
-    begin, end = (None if each is None else round(each * _NS) for each in (from_s, to_s))
+    begin, end = (
+        None if each is None else round(min(max(each, -_LATEST_S), _LATEST_S) * _NS)
+        for each in (from_s, to_s)
+    )
     frames: dict[str, pl.DataFrame] = {}
     heights: dict[str, int] = {}
     with opened(path) as held:
+        held.refuse_without_stages()
         for stored in held.manifest.frames:
             if not raw and stored.name.startswith("raw/"):
                 heights[stored.name] = stored.rows
@@ -57,6 +59,25 @@ def read_window(
         return Run(frames, about)
     note = f"a stretch of {Path(path).name}, {stretch}"
     return Run(frames, about.model_copy(update={"notes": (*about.notes, note)}))
+
+
+def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) -> None:
+    """Refuse a stretch that is none.
+
+    Args:
+        path: of what it is a stretch.
+        from_s: seconds since the start; None from the beginning.
+        to_s: likewise; None to the end.
+
+    Raises:
+        RecordingError: an end is no number, or the first is after the last.
+    """
+    ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
+    if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
+        raise RecordingError(
+            f"{path}: {_words(from_s, to_s)} is no stretch; name seconds since the start, the "
+            "earlier first"
+        )
 
 
 def _span(aligned: pl.DataFrame) -> str:

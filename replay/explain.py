@@ -70,6 +70,7 @@ def explain_run(
     """
     _check(asked)
     whole = _run(asked, on_stage)
+    _check_moment(asked, whole)
     explained = explain(whole, asked.at_s)
     if asked.picture is not None:
         from recordings.explained_picture import plot_explanation
@@ -105,6 +106,17 @@ def _check(asked: Asked) -> None:
         check_output(asked.mended_file, force=asked.force)
 
 
+def _check_moment(asked: Asked, run: Run) -> None:
+    gate = run.frames.get("gate")
+    if asked.at_s is None or gate is None or gate.is_empty():
+        return
+    first_s, last_s = (round(int(gate["t_ns"][place]) / 1e9, 1) for place in (0, -1))
+    if not first_s <= round(asked.at_s, 1) <= last_s:
+        raise RecordingError(
+            f"{asked.path}: nothing at {asked.at_s:g} s; it has {first_s:g} to {last_s:g} s"
+        )
+
+
 def _run(asked: Asked, on_stage: Callable[[str], None]) -> Run:
     """The frames that are explained: as recorded, or of a replay."""
     if asked.machine_file is None:
@@ -133,6 +145,7 @@ def _differs(held: OpenRecording, machine: Machine) -> bool:
 
 def _read(held: OpenRecording, *, pictured: bool) -> Run:
     """What an explanation looks at, and a picture shows: a shift is much more."""
+    held.refuse_without_stages()
     wanted: dict[str, Sequence[str]] = {}
     for name, columns in held.stages.items():
         if name in SMALL:
@@ -143,4 +156,13 @@ def _read(held: OpenRecording, *, pictured: bool) -> Run:
         elif pictured and name in _RECURSIVE:
             wanted[name] = [column for column in columns if column in _SETTLING]
     frames = {name: held.read(name, columns) for name, columns in wanted.items()}
+    # what a recovered recording has lost must not pass for what its log does not show
+    lost = [each for each in held.manifest.frames if each.name in frames]
+    lost = [each for each in lost if frames[each.name].height != each.rows]
+    if lost:
+        more = f" (and {len(lost) - 1} more stages miss rows)" if len(lost) > 1 else ""
+        raise RecordingError(
+            f"{held.path}: is not whole: '{lost[0].name}' has {frames[lost[0].name].height} of "
+            f"{lost[0].rows} rows{more}; replay its log"
+        )
     return Run(frames, held.provenance)

@@ -43,5 +43,9 @@ def plot(
             raise RecordingError(f"--at {at_s}: is no time; name seconds since the start")
         if from_s is None and to_s is None:
             from_s, to_s = at_s - AROUND_S, at_s + AROUND_S
+        elif (from_s is not None and at_s < from_s) or (to_s is not None and at_s > to_s):
+            raise RecordingError(
+                f"--at {at_s:g}: lies outside of what --from and --to draw; leave one of them out"
+            )
     run = read_window(recording, from_s, to_s, raw=False)
     return plot_run(run, output, figure=figure, at_s=at_s, force=force)

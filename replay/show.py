@@ -11,6 +11,7 @@ from analysis.schema import FRAMES, Frame
 from analysis.stamps import FIRST_DATE_NS
 from estimators.errors import RecordingError, nearest
 from recordings import read_frame, read_provenance, stages
+from recordings.window import check_stretch
 
 if TYPE_CHECKING:
     from replay.calibrated import AskedCalibration
@@ -76,10 +77,11 @@ class Stage:
         """The rows from one second of the run to another, both included.
 
         Raises:
-            RecordingError: the stage has no time.
+            RecordingError: the stage has no time, or that is no stretch.
         """
         if start_s is None and end_s is None:
             return self
+        check_stretch(self.recording, start_s, end_s)
         column = self._time_to_cut_by()
         seconds = self._since_start_ns(column) / 1e9
         rows = self.rows

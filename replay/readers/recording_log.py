@@ -9,6 +9,7 @@ import polars as pl
 from analysis.run import Loss
 from estimators.errors import LogError, nearest
 from recordings.reader import opened
+from recordings.stored import StoredFrame
 from replay.readers.log import Checked, Log
 
 _STAMPS: Final = ("log_time_ns", "header_stamp_ns")
@@ -33,6 +34,7 @@ class RecordingLog(Log):
         with opened(path) as held:
             about, stages = held.provenance, held.stages
         self._losses = about.losses
+        self._missing: dict[str, Loss] = {}
         channels: Mapping[str, Any] = about.machine.get("channels", {})
         named = {channel.get("topic") for channel in channels.values()}
         self._stage = {
@@ -90,6 +92,7 @@ class RecordingLog(Log):
         with opened(self.path) as held:
             for topic, names in fields.items():
                 frame = held.read(self._stage[topic], [*_STAMPS, *names])
+                self._note_missing(topic, held.manifest.frame(self._stage[topic]), frame.height)
                 time = pl.col("log_time_ns")
                 if start_ns is not None:
                     frame = frame.filter(time >= start_ns)
@@ -104,8 +107,13 @@ class RecordingLog(Log):
         return Checked(sum(frame.height for frame in read.values()), 0, 0)
 
     def losses(self) -> tuple[Loss, ...]:
-        """Those of the log that was recorded."""
-        return self._losses
+        """Those of the log that was recorded, and rows that a recovered recording has lost."""
+        return (*self._losses, *self._missing.values())
+
+    def _note_missing(self, topic: str, stored: StoredFrame | None, height: int) -> None:
+        if stored is not None and height != stored.rows:
+            what = f"the recording has {height} of {stored.rows} rows"
+            self._missing[topic] = Loss(source=self.path.name, topic=topic, what=what)
 
 
 def _topic(stage: str, named: set[str | None]) -> str:

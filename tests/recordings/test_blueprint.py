@@ -94,6 +94,25 @@ def test_lanes_have_the_height_that_they_need_and_leave_some_to_plots(
     assert sum(shares[len(lanes) :]) == pytest.approx(1.0 - sum(shares[: len(lanes)])) or not plots
 
 
+def test_a_panel_is_as_high_as_its_legend_needs() -> None:
+    def panel(*labels: str, named_above: bool = False) -> Panel:
+        drawn = tuple(Drawn("frame", "column", label, "#000000") for label in labels)
+        return Panel("any", Kind.LINES, drawn, named_above=named_above)
+
+    five = panel("a", "b", "c", "d", "e")
+    above = panel("a", "b", "c", "d", "e", named_above=True)
+    twice = panel("a", "a", "b", "b")
+    shares = _shares(Page("page", (panel("x"), panel("x"), five, above, twice, panel("x"))))
+    assert sum(shares) == pytest.approx(1.0)
+    lone, _, high, unnamed, low, _ = shares
+    # 900 points are a page's; the viewer gives a legend four fifths of a plot, a name 23 points
+    assert 900.0 * high >= 50.0 + 5 * 23.0 / 0.8
+    assert 900.0 * low >= 50.0 + 2 * 23.0 / 0.8
+    assert unnamed == lone == low
+    # too many to fit: none vanishes
+    assert min(_shares(Page("page", (five,) * 12))) == pytest.approx(1 / 12)
+
+
 def test_the_overview_comes_first_with_the_answer_beside_the_plots(drives):
     tabs = _tabs(drives(60.0))
     assert next(iter(tabs)) == "Overview"

@@ -96,6 +96,16 @@ def test_a_long_log_is_drawn_by_a_few_thousand_bins_with_mean_and_extremes(drive
     assert abs(first["force_x_N"] - force.mean()) < 1e-9
 
 
+def test_mean_and_extremes_have_one_name_so_that_a_legend_has_one_entry(drives):
+    run = drives(700.0)
+    drawn = drawn_of(_view("Force"), run, display_frames(run))
+    assert [(each.column, each.label, each.faint) for each in drawn] == [
+        ("force_x_N", "driving force, binned", False),
+        ("force_x_N_min", "driving force, binned", True),
+        ("force_x_N_max", "driving force, binned", True),
+    ]
+
+
 def test_a_bin_without_samples_stays_empty(drives):
     bins = display_frames(drives(700.0))["display/excitation"]
     gap = bins.filter(pl.col("t_ns").is_between(0.43 * 700 * S, 0.46 * 700 * S))

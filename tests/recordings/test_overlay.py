@@ -50,9 +50,39 @@ def test_what_differs_is_drawn_over_each_other_and_subtracted(drives, tmp_path: 
     for side in ("A", "B", "B_less_A"):
         assert "payscope:mass_kg" in drawn[f"/{side}/estimates/ls"]
     named = views(path)
-    assert {"Mass (kg)", "B − A: Mass (kg)", "Speed (m/s)", "Compared"} <= named
+    mass = "Mass (kg): A strong, B pale"
+    assert {mass, "B − A: Mass (kg)", "Speed (m/s)", "Compared"} <= named
     assert "Force (N)" not in named
     assert "B − A: Speed (m/s)" not in named
+
+
+def names(path: Path) -> set[str]:
+    """What lines and bands are called in legends."""
+    import rerun as rr
+
+    reader = rr.chunk.RrdReader(path)
+    (embedded,) = reader.blueprints()
+    return {
+        name
+        for chunk in reader.stream(store=embedded)
+        for field in chunk.to_record_batch().schema.names
+        if field.endswith(":names")
+        for row in chunk.to_record_batch().column(field).to_pylist()
+        for name in row or ()
+    }
+
+
+def test_a_legend_names_what_both_draw_once(drives, tmp_path: Path) -> None:
+    a = drives(60.0)
+    b = heavier(a)
+    faster = b.frames["excitation"].with_columns(pl.col("speed_x_m_s") * 1.1)
+    del b.frames["estimates/tls"]
+    b.frames["excitation"] = faster
+    named = names(write_overlay(a, b, tmp_path / "ab.rrd", "", one_log=True))
+    # five methods of each would not fit beside a small panel
+    assert {"ls", "rls", "A tls"} <= named
+    assert not {"A ls", "B ls", "tls", "B tls"} & named
+    assert {"A speed", "B speed"} <= named
 
 
 def test_of_a_long_log_the_difference_is_drawn_in_bins(drives, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from analysis import Provenance, Run
 from analysis.run import InputFile
 from estimators.errors import OutputError
 from recordings import plot_run
+from recordings.convergence import draw_convergence
 from recordings.plot import FIGURES, draw_run
 
 SIGNATURES = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
@@ -287,3 +288,34 @@ def test_no_legend_covers_a_panel(drives):
             legend = axes.get_legend()
             if legend is not None:
                 assert legend.get_window_extent().y0 >= axes.get_window_extent().y1 - 1.0
+
+
+def _settling(rls_kg: float) -> Run:
+    """Two starts of one load of 100 kg, and a recursion that says something else."""
+    t_ns = [*range(0, 10**9, 10**7), *range(5 * 10**9, 6 * 10**9, 10**7)]
+    numbers = {"mass_kg": [rls_kg] * len(t_ns), "mass_std_kg": [1.0] * len(t_ns)}
+    load = {"start_t_ns": [0], "end_t_ns": [6 * 10**9], "mass_kg": [100.0], "u_kg": [2.0]}
+    return Run(
+        {
+            "aligned": pl.DataFrame({"t_ns": range(0, 6 * 10**9, 10**7)}),
+            "estimates/rls": pl.DataFrame({"t_ns": t_ns, **numbers}),
+            "loads": pl.DataFrame(load),
+        }
+    )
+
+
+def test_the_answer_is_in_view_wherever_a_recursion_lies() -> None:
+    axes = Figure().subplots()
+    draw_convergence(axes, _settling(500.0))
+    low, high = axes.get_ylim()
+    assert low < 96.0 < 500.0 < high
+    assert axes.get_xlim() == pytest.approx((0.0, 5.99))
+
+
+def test_no_line_is_drawn_where_nothing_was_accepted() -> None:
+    axes = Figure().subplots()
+    draw_convergence(axes, _settling(100.0))
+    (line,) = (each for each in axes.get_lines() if str(each.get_label()).startswith("rls"))
+    t_s = np.asarray(line.get_xdata())
+    assert np.isnan(t_s).sum() == 1
+    assert np.nanmax(np.diff(t_s)) == pytest.approx(0.01)

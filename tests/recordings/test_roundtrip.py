@@ -14,7 +14,7 @@ from analysis import Loss, Provenance, Run
 from analysis.schema import PHASE
 from estimators.errors import OutputError, RecordingError
 from recordings import read_frame, read_provenance, read_recording, stages, write_recording
-from recordings.stored import BLOCK_ROWS
+from recordings.stored import BLOCK_ROWS, StoredFrame
 from recordings.viewer import executable
 from tests.one_line import assert_one_line
 
@@ -125,6 +125,25 @@ def test_rows_of_many_blocks_keep_their_order_also_after_the_recorder_rearranged
     command = [executable(), "rrd", "optimize", path, "-o", tidied]
     subprocess.run(command, check=True, capture_output=True)
     assert read_recording(tidied) == run
+
+
+def test_what_the_recorder_put_apart_is_put_together_again(drives, tmp_path: Path):
+    # it keeps thin columns, as those of booleans, in other chunks than thick ones
+    run = drives(60.0)
+    path, tidied = write_recording(run, tmp_path / "shift.rrd"), tmp_path / "tidied.rrd"
+    command = [executable(), "rrd", "optimize", path, "-o", tidied]
+    subprocess.run(command, check=True, capture_output=True)
+    assert read_recording(tidied) == run
+
+
+def test_a_block_that_lost_a_column_is_no_row():
+    import pyarrow as pa
+
+    frame = pl.DataFrame({"a": pl.int_range(BLOCK_ROWS + 5, eager=True), "b": "b"})
+    stored = StoredFrame.of("stage", frame)
+    first, second = stored.batches(frame)
+    torn = pa.record_batch({name: second.column(name) for name in ("row", "payscope:a")})
+    assert stored.from_batches([torn, first], stored.columns).equals(frame.head(BLOCK_ROWS))
 
 
 def _drawn(run: Run, path: Path, frame: str) -> "pa.RecordBatch":

@@ -1,6 +1,7 @@
 """`payscope explain`: why, from a recording or a log; and a machine file that is mended."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import polars as pl
@@ -9,6 +10,7 @@ import pytest
 from analysis import Run
 from analysis.schema import conform
 from recordings import read_recording, write_recording
+from recordings.viewer import executable
 from replay.mended_file import Proposal, mended
 from tests.replay.sledge import MACHINE, Payscope, one_line
 
@@ -39,6 +41,41 @@ def test_a_recording_is_explained_as_it_is_and_a_log_by_its_replay(
     assert "set channels.force_x_N.delay_s = " in recorded.out
 
 
+@pytest.fixture
+def recovered(payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) -> Path:
+    """What the recorder saves of a recording that was cut off."""
+    whole, cut = tmp_path / "whole.rrd", tmp_path / "cut.rrd"
+    payscope("run", log, "-m", machine_file, "-o", whole)
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 4])
+    saved = tmp_path / "recovered.rrd"
+    command = [executable(), "rrd", "optimize", cut, "-o", saved]
+    subprocess.run(command, check=True, capture_output=True)
+    return saved
+
+
+def test_what_a_recording_lost_is_not_taken_for_what_its_log_does_not_show(
+    payscope: Payscope, recovered: Path, tmp_path: Path
+) -> None:
+    one_line(payscope("explain", recovered), "is not whole", "rows", "replay its log")
+    assert payscope("plot", recovered, "-o", tmp_path / "some.png").status == 0
+    both = tmp_path / "both.rrd"
+    said = payscope("compare", tmp_path / "whole.rrd", recovered, "-o", both)
+    assert said.status == 1, said.err
+    assert both.exists()
+
+
+def test_a_recording_that_keeps_no_stages_is_not_explained_or_drawn(
+    payscope: Payscope, log: Path, machine_file: Path, late: Path, tmp_path: Path
+) -> None:
+    a, b, both = (tmp_path / f"{name}.rrd" for name in ("a", "b", "both"))
+    payscope("run", log, "-m", machine_file, "-o", a)
+    payscope("run", log, "-m", late, "-o", b)
+    assert payscope("compare", a, b, "-o", both).status == 1
+    one_line(payscope("explain", both), "keeps no stages", "two replays", "payscope run")
+    one_line(payscope("plot", both, "-o", tmp_path / "both.png"), "keeps no stages")
+    assert not (tmp_path / "both.png").exists()
+
+
 def test_json_has_everything_that_is_said(payscope: Payscope, log: Path, late: Path) -> None:
     told = json.loads(payscope("explain", log, "-m", late, "--at", 16, "--json").out)
     first = told["findings"][0]
@@ -46,6 +83,16 @@ def test_json_has_everything_that_is_said(payscope: Payscope, log: Path, late: P
     assert told["at_s"] == 16.0
     assert told["gate"][0]["reason"]
     assert {"determined", "verdict", "loads", "manoeuvre"} <= set(told)
+
+
+def test_a_moment_outside_of_the_run_is_one_line(
+    payscope: Payscope, log: Path, late: Path, tmp_path: Path
+) -> None:
+    picture = tmp_path / "why.png"
+    for second in ("-5", "900"):
+        said = payscope("explain", log, "-m", late, "--at", second, "-o", picture)
+        one_line(said, log.name, f"nothing at {second} s", "it has 0 to 39.9 s")
+    assert not picture.exists()
 
 
 @pytest.fixture

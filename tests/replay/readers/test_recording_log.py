@@ -1,15 +1,20 @@
 """A recording is a log: replayed, it gives what its own log gives."""
 
+import subprocess
 from pathlib import Path
 
+import polars as pl
 import pytest
 
+from analysis import Run
 from estimators.errors import LogError
 from recordings import read_recording, write_recording
+from recordings.stored import BLOCK_ROWS
+from recordings.viewer import executable
 from replay import load_machine, open_log
 from replay.pipeline import run
 from replay.readers import Log
-from tests.replay.sledge import Payscope
+from tests.replay.sledge import Payscope, one_line
 
 GOLDEN = Path(__file__).resolve().parents[2] / "golden"
 
@@ -48,6 +53,15 @@ def test_commands_take_it_in_the_place_of_a_log(
     assert "recording" in payscope("info", recorded).out
 
 
+def test_it_is_not_replaced_by_its_own_replay_also_with_force(
+    payscope: Payscope, recorded: Path, machine_file: Path
+) -> None:
+    before = recorded.read_bytes()
+    said = payscope("run", recorded, "-m", machine_file, "-o", recorded, "--force")
+    one_line(said, recorded.name, "is the input itself")
+    assert recorded.read_bytes() == before
+
+
 def test_a_field_that_was_not_recorded_and_a_recording_without_channels_are_one_line(
     recorded: Path, tmp_path: Path
 ) -> None:
@@ -62,3 +76,22 @@ def test_a_field_that_was_not_recorded_and_a_recording_without_channels_are_one_
     bare = write_recording(type(whole)(frames, whole.provenance), tmp_path / "bare.rrd")
     with pytest.raises(LogError, match="keeps no channels of its log"):
         open_log(bare)
+
+
+def test_rows_that_a_recovered_recording_lost_are_losses_of_the_log(tmp_path: Path) -> None:
+    rows = 3 * BLOCK_ROWS
+    count = pl.int_range(rows, eager=True)
+    imu = pl.DataFrame({"log_time_ns": count, "header_stamp_ns": count, "x": count})
+    path = write_recording(Run({"raw/imu": imu}), tmp_path / "shift.rrd")
+    with open_log(path) as whole:
+        assert whole.read("imu", ["x"]).height == rows
+        assert whole.losses() == ()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    saved = tmp_path / "recovered.rrd"
+    command = [executable(), "rrd", "optimize", path, "-o", saved]
+    subprocess.run(command, check=True, capture_output=True)
+    with open_log(saved) as torn:
+        left = torn.read("imu", ["x"]).height
+        assert 0 < left < rows
+        (loss,) = torn.losses()
+    assert str(loss) == f"recovered.rrd imu: the recording has {left} of {rows} rows"
