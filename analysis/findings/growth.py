@@ -13,10 +13,11 @@ from analysis.findings.case import Case
 from analysis.findings.cause import Sign
 from analysis.findings.constants import constants
 from analysis.findings.rows import FORCE, blocks, force_system, sums, variance_of
+from estimators.errors import counted
 from estimators.fit_loss import group_rows
 
 #: A log without a load that grows may seem to have one so often.
-_CHANCE: Final = 5e-4
+_CHANCE: Final = 2e-5
 #: Fewer rows, or less of a column that is left, tell nothing.
 _FEWEST: Final = 10
 _LEFT: Final = 0.02
@@ -56,7 +57,8 @@ def _fitted(case: Case) -> list[Sign]:
     return [
         Sign(
             worst.deviations * len(found) ** 0.5,
-            f"in {len(found)} manoeuvres the load changes, by up to {worst.kg_s:+.0f} kg/s",
+            f"in {counted(len(found), 'manoeuvre')} the load changes, by up to "
+            f"{worst.kg_s:+.0f} kg/s",
             span_ns=(begin, begin),
         )
     ]
@@ -73,8 +75,8 @@ def _left_out(case: Case) -> list[Sign]:
     return [
         Sign(
             abs(worst.kg) / worst.std_kg / 4.0 * float(np.sqrt(len(weighing.growing))),
-            f"in {len(weighing.growing)} manoeuvres the load changes, by up to {worst.kg:+.0f} ± "
-            f"{worst.std_kg:.0f} kg; they are left out",
+            f"in {counted(len(weighing.growing), 'manoeuvre')} the load changes, by up to "
+            f"{worst.kg:+.0f} ± {worst.std_kg:.0f} kg; they are left out",
             span_ns=(begin, begin),
         )
     ]

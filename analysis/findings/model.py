@@ -10,11 +10,13 @@ from analysis.digging import SURELY
 from analysis.findings.case import Case
 from analysis.findings.cause import Change, Sign
 from analysis.findings.constants import DEVIATIONS, LEAST_SHARE, constants
-from analysis.findings.likelihood import Pick, picks
+from analysis.findings.likelihood import APART, Pick, picks
 from analysis.findings.mending import mended
+from analysis.findings.one_load import share_instead_of_loads
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.units import to_si
 from analysis.weighing.equation import Equation
+from estimators.errors import counted
 
 #: So many deviations a term of the fit must be from 0.
 _TERM: Final = 3.45
@@ -24,6 +26,8 @@ _WHEELS: Final = 4.0
 _LEAST_GAIN: Final = 0.003
 #: Nor Coulomb friction to a smaller share of the largest force.
 _LEAST_SHARE: Final = 0.002
+#: Nor the share of the force that is measured to less, by m/s².
+_LEAST_CHANGE: Final = 0.01
 #: An answer whose standard uncertainty is this share of it has too little to go by.
 _POOR: Final = 0.06
 #: Share of the mass that priors alone leave open where regressors go together.
@@ -201,22 +205,42 @@ def slip(case: Case) -> list[Sign]:
 
 def driveline(case: Case) -> list[Sign]:
     """A force that is not linear in the acceleration: load transfer, or losses of the drive."""
+    found = _one_load(case)
     pick = picks(case).get("driveline")
-    if pick is None:
+    if pick is not None:
+        found.append(
+            Sign(
+                min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / _LEAST_CHANGE),
+                _share_changes(pick.value, pick.std),
+                channel=case.force_channel,
+                change=lambda: mended(
+                    case,
+                    lambda motion: replace(
+                        motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
+                    ),
+                    1.0,
+                ),
+                alternatives=_others(pick),
+            )
+        )
+    return [max(found, key=lambda sign: sign.strength)] if found else []
+
+
+def _share_changes(value: float, std: float) -> str:
+    return f"the measured share of the force changes by {value:+.2%} ± {std:.2%} a m/s²"
+
+
+def _one_load(case: Case) -> list[Sign]:
+    """The same where the answer has loads that take turns with the direction."""
+    found = share_instead_of_loads(case)
+    if found is None or found.worse > APART:
         return []
     return [
         Sign(
-            min(float(np.sqrt(pick.gain)) / _TERM, abs(pick.value) / 0.01),
-            f"the measured share of the force changes by {pick.value:+.2%} ± {pick.std:.2%} a m/s²",
+            min(float(np.sqrt(found.gain)) / _TERM, abs(found.value) / _LEAST_CHANGE),
+            f"{_share_changes(found.value, found.std)}, and there is one load, or there are "
+            f"{found.loads} that go with the direction: this log does not tell",
             channel=case.force_channel,
-            change=lambda: mended(
-                case,
-                lambda motion: replace(
-                    motion, force=motion.force * (1.0 - pick.value * motion.acceleration)
-                ),
-                1.0,
-            ),
-            alternatives=_others(pick),
         )
     ]
 
@@ -292,8 +316,8 @@ def external_force(case: Case) -> list[Sign]:
     return [
         Sign(
             float(growth[worst] / std[worst]) / SURELY * np.sqrt(digs.height),
-            f"in {digs.height} starts a resistance grows, by up to {growth[worst]:.0f} ± "
-            f"{std[worst]:.0f} N; they are left out",
+            f"in {counted(digs.height, 'start')} a resistance grows, by up to "
+            f"{growth[worst]:.0f} ± {std[worst]:.0f} N; they are left out",
             channel=case.force_channel,
             span_ns=(begin, end),
         )

@@ -133,6 +133,24 @@ def test_a_pile_is_named_first_where_it_leaves_nothing_to_weigh_by(
     assert named(("a pile", size), seed=seed)["cause"][0] == "external_force"
 
 
+@pytest.mark.parametrize(("seed", "size"), [(9_000_004, 4.9), (9_000_006, 2.45)])
+def test_a_load_transfer_that_looks_like_loads_by_direction_is_named_with_them(
+    named: Named, seed: int, size: float
+) -> None:
+    row = named(("load transfer", size), seed=seed).row(0, named=True)
+    assert row["cause"] == "driveline"
+    assert "go with the direction" in row["evidence"]
+    assert row["mass_change_kg"] is None
+
+
+@pytest.mark.parametrize("seed", [9_200_000, 9_200_004])
+def test_loads_at_every_second_start_are_no_load_transfer(seed: int) -> None:
+    machine = design(seed, odd=False)
+    carried = {"change_kg": 0.25 * machine["machine"]["mass_kg"], "alternating": True}
+    log = joined(machine, {"starts": {"directions": "alternating"}, "loading": carried})
+    assert replayed(log).frames["findings"].is_empty()
+
+
 @pytest.mark.parametrize("seed", [8_700_003, 8_700_013])
 def test_what_hardly_moves_has_no_wrong_sign(named: Named, seed: int) -> None:
     found = named(("weak starts", 10.0), seed=seed)
