@@ -18,6 +18,9 @@ from replay.replay_logs import RecordTo
 #: A look at one file costs nothing; an editor writes within one such step.
 _LOOK_S: Final = 0.2
 
+#: An editor puts a file in place within so many looks; one that is missing longer is gone.
+_GONE_LOOKS: Final = 10
+
 #: What tells one state of a file from another: also that it was put in the place of another.
 _Signature = tuple[int, int, int] | None
 
@@ -74,13 +77,17 @@ def watch(
 
 
 def _changes(path: Path) -> Iterator[None]:
-    """Once now, and once after each change, when the file has been still for a look."""
-    seen = _signature(path)
+    """Once now, once after each change when the file has been still for a look, and once gone."""
+    seen, missed = _signature(path), 0
     yield
     while True:
         time.sleep(_LOOK_S)
         now = _signature(path)
-        if now in (None, seen):  # None: an editor puts it back in a moment
+        missed = missed + 1 if now is None else 0
+        if missed == _GONE_LOOKS:
+            seen = None  # the same file again is a change
+            yield
+        if now in (None, seen):
             continue
         while True:
             time.sleep(_LOOK_S)

@@ -195,6 +195,19 @@ class TestRefused:
         one_line(payscope("compare", a, a, "--rtol", "-1"), "--rtol")
 
 
+def test_a_replay_of_a_recording_is_compared_with_it(
+    payscope: Payscope, recorded, machine_file: Path, tmp_path: Path
+) -> None:
+    again = tmp_path / "again.rrd"
+    said = payscope("run", recorded("a.rrd"), "-m", machine_file, "-o", again, "--set", THRESHOLD)
+    assert said.status in (0, 1), said.err
+    for pair in ((recorded("a.rrd"), again), (again, recorded("a.rrd"))):
+        found = json.loads(payscope("compare", *pair, "--json").out)
+        assert {change["name"] for change in found["settings"]} == {"settings.gate.threshold_nat"}
+        assert "gate" in {stage["name"] for stage in found["stages"]}
+    one_line(payscope("compare", recorded("b.rrd", "--set", THRESHOLD), again), "different inputs")
+
+
 def test_the_shortest_of_what_both_have_is_compared_when_rows_are_lost(
     payscope: Payscope, recorded, kept: Path
 ) -> None:

@@ -73,6 +73,16 @@ def test_a_change_is_replayed_a_fault_is_one_line_and_ctrl_c_ends_quietly(
     assert not list(tmp_path.glob(".payscope-*"))
 
 
+def test_a_machine_file_that_is_gone_is_said_and_waited_for(
+    watched: Watched, machine_file: Path, tmp_path: Path
+) -> None:
+    watched.until("watching")
+    away = machine_file.rename(tmp_path / "away.toml")
+    assert machine_file.name in watched.until("payscope: ")
+    away.rename(machine_file)
+    watched.until("watching")
+
+
 def test_a_fault_before_the_first_replay_is_refused_as_without_a_watch(
     payscope: Payscope, log: Path, machine_file: Path
 ) -> None:
