@@ -73,8 +73,9 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     driving &= whole
     t_ns = excitation["t_ns"].to_numpy()
     found: list[tuple[int, int, float, float]] = []
-    if np.count_nonzero(driving) >= _FEWEST:
-        largest_N, fastest = _largest(force[driving]), _largest(speed[driving])
+    # a force that reads zero throughout digs nowhere
+    if np.count_nonzero(driving) >= _FEWEST and (largest_N := _largest(force[driving])) > 0.0:
+        fastest = _largest(speed[driving])
         against = slowing & whole & (np.sign(speed) * force > _STILL_DRIVES * largest_N)
         mass_kg = machine.machine.empty_mass_kg or largest_N / max(
             _largest(acceleration[driving]), 1e-3

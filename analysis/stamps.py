@@ -1,4 +1,8 @@
-"""Which stamp places a sample in time: the header's where there is any, else the log's."""
+"""Which stamp places a sample in time: the header's where there is any, else the log's.
+
+Header stamps that scatter where log time is even were given late: log time places such samples,
+less its median delay, so that they stay in the header's clock.
+"""
 
 from collections.abc import Mapping
 from typing import Final
@@ -14,6 +18,11 @@ FIRST_DATE_NS: Final = 20 * 365 * 86_400 * 10**9
 #: when they are compared by log time: then it is another clock.
 _CLOCK_JUMP_NS = 1_000_000_000
 _MOSTLY = 0.99
+#: Header stamps scatter by this share of their period, and log time by so much less.
+_SCATTER = 0.5
+_EVENER = 0.25
+#: Fewer stamps do not show it.
+_FEWEST = 100
 
 
 def place(
@@ -51,6 +60,21 @@ def place(
         column = "header_stamp_ns" if headers[topic] else "log_time_ns"
         labels[topic] = "header" if headers[topic] else ("table" if topic == "table" else "log")
         kept = frame.filter(pl.col(column).is_not_null())
+        scatter = uneven_headers(frame) if headers[topic] else None
+        if scatter is not None:
+            labels[topic] = "log"
+            kept = kept.with_columns(
+                header_stamp_ns=pl.col("log_time_ns") - round(behind_ns[topic])
+            )
+            losses.append(
+                Loss(
+                    source="stamps",
+                    topic=topic,
+                    what=f"header stamps scatter by {scatter[0]:.0%} of their period and log time "
+                    f"by {scatter[1]:.0%}, so log time less its median delay of "
+                    f"{behind_ns[topic] / 1e6:.1f} ms places it",
+                )
+            )
         if headers[topic]:
             kept = kept.filter(pl.col(column) != 0)
         if kept.height < frame.height:
@@ -78,6 +102,32 @@ def place(
             .sort("unix_ns", maintain_order=True)
         )
     return placed, labels, losses
+
+
+def uneven_headers(frame: pl.DataFrame) -> tuple[float, float] | None:
+    """Scatter of the steps of header stamps and of log time, over their period.
+
+    Args:
+        frame: log_time_ns and header_stamp_ns of a topic, in its order.
+
+    Returns:
+        None where header stamps are even enough, or log time is hardly more so.
+    """
+    both = frame.select("log_time_ns", "header_stamp_ns").drop_nulls()
+    if both.height < _FEWEST:
+        return None
+    steps_ns = [both[name].sort().diff().drop_nulls().to_numpy() for name in both.columns]
+    log, header = (steps.astype(np.float64) for steps in steps_ns)
+    period_ns = float(np.median(log))
+    if period_ns <= 0.0:
+        return None
+    # a pause of the recorder is in both
+    usual = log < 3.0 * period_ns
+    header = header[header < 3.0 * period_ns]
+    of_log, of_header = float(np.std(log[usual])), float(np.std(header)) if header.size else 0.0
+    if of_header < _SCATTER * period_ns or of_log > _EVENER * of_header:
+        return None
+    return of_header / period_ns, of_log / period_ns
 
 
 def _header_usable(topic: str, frame: pl.DataFrame, losses: list[Loss]) -> bool:

@@ -63,10 +63,9 @@ def _partial_correlation(_: Evidence, motion: Motion) -> float:
     return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
 
 
-def _sign(_: Evidence, motion: Motion) -> float:
-    if np.count_nonzero(motion.moving) < _FEWEST_MOVING:
-        return np.nan
-    return fit_quality.partial_correlation(motion.A, motion.f, motion.moving)
+def _sign(evidence: Evidence, motion: Motion) -> float:
+    few = np.count_nonzero(motion.moving) < _FEWEST_MOVING
+    return np.nan if few else _partial_correlation(evidence, motion)
 
 
 def _relative_std(_: Evidence, motion: Motion) -> float:

@@ -17,7 +17,9 @@ from estimators.errors import counted
 from estimators.fit_loss import group_rows
 
 #: A log without a load that grows may seem to have one so often.
-_CHANCE: Final = 2e-5
+_CHANCE: Final = 5e-4
+#: What pours in may pour fast; a load that falls while the machine drives must be surer by this.
+_FALLS: Final = 1.25
 #: Fewer rows, or less of a column that is left, tell nothing.
 _FEWEST: Final = 10
 _LEFT: Final = 0.02
@@ -116,6 +118,7 @@ def _growths(case: Case) -> list[_Growth]:
         kg_s = float(score[1] - gram[0, 1] / gram[0, 0] * score[0]) / rest
         others = np.delete(left, rows)
         deviations = abs(kg_s) * float(np.sqrt(rest / variance_of(others))) / limit
+        deviations /= _FALLS if kg_s < 0.0 else 1.0
         if deviations > 1.0:
             found.append(_Growth(int(part[0]), kg_s, deviations))
     return found

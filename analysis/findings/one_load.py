@@ -20,7 +20,7 @@ class ShareOfForce(NamedTuple):
         value: per m/s².
         std: its standard deviation.
         gain: by how much it raises twice the log likelihood of one load.
-        worse: twice the log likelihood that the loads have more than it.
+        worse: twice the log likelihood that loads with such a share have more than one load has.
         loads: how many there are otherwise.
     """
 
@@ -38,7 +38,8 @@ def share_instead_of_loads(case: Case) -> ShareOfForce | None:
         return None
     viscous, own_kg = max(fit.viscous, 0.0), case.mass_of_samples(motion)
     one_kg = np.full_like(own_kg, np.median(own_kg[motion.used]))
-    by_loads = Explained.of(force_system(motion, noise, own_kg, viscous), ())
+    # with the share as well: loads that change otherwise than with the direction stay loads
+    by_loads = Explained.of(force_system(motion, noise, own_kg, viscous), ("driveline",))
     one = force_system(motion, noise, one_kg, viscous)
     before, after = Explained.of(one, ()), Explained.of(one, ("driveline",))
     square = before.square("driveline")
@@ -48,4 +49,5 @@ def share_instead_of_loads(case: Case) -> ShareOfForce | None:
     worse = after.square_left * after.variance - by_loads.square_left * by_loads.variance
     value = before.product("driveline") / square
     gain = value**2 * square * before.variance / variance
-    return ShareOfForce(value, abs(value) / gain**0.5, gain, worse / variance, fit.count)
+    std = (variance / (square * before.variance)) ** 0.5
+    return ShareOfForce(value, std, gain, worse / variance, fit.count)

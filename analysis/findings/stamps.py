@@ -9,7 +9,7 @@ from analysis.diagnosis.signals import Floats, Ints
 from analysis.filters import period_ns
 from analysis.findings.case import Case
 from analysis.findings.cause import Sign
-from analysis.stamps import FIRST_DATE_NS
+from analysis.stamps import FIRST_DATE_NS, uneven_headers
 
 #: Share of a topic's steps that are missing before it counts.
 _MISSING: Final = 0.002
@@ -68,6 +68,17 @@ def irregular(case: Case) -> list[Sign]:
     """The scatter of a topic's steps, gaps aside, over its period."""
     found: list[Sign] = []
     for name, (t, _) in _a_channel_a_topic(case).items():
+        uneven = uneven_headers(case.raw[case.machine.channels[name].topic or "table"])
+        if uneven is not None:
+            found.append(
+                Sign(
+                    uneven[0] / _UNEVEN,
+                    f"the steps of its header stamps scatter by {uneven[0]:.0%} of the period, "
+                    f"those of log time by {uneven[1]:.0%}: log time places it",
+                    channel=name,
+                )
+            )
+            continue
         period = float(period_ns(t))
         steps = np.diff(t) / period
         steps = steps[steps < case.machine.settings.align.gap_periods]

@@ -111,3 +111,8 @@ def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() 
     assert set(refused["reason_x"]) == {"digging"}
     assert left.filter(seconds.is_between(10.5, 13.5))["accepted_x"].any() is False
     assert left.filter(seconds < 9.0)["accepted_x"].all()
+
+
+def test_a_force_that_reads_nothing_digs_nowhere() -> None:
+    frame = starts([3600.0] * 3, 400.0, 150.0, [0.0] * 3).with_columns(force_x_N=pl.lit(0.0))
+    assert digging(frame, MACHINE).is_empty()

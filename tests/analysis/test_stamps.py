@@ -142,3 +142,29 @@ def test_samples_come_out_sorted_and_none_is_lost(raw_topic, order, header):
     frame, _, _ = placed_one(raw_topic, log, "same" if header else [None] * 20)
     np.testing.assert_array_equal(frame["unix_ns"], LOG[:20])
     np.testing.assert_array_equal(frame["x"], np.argsort(order))
+
+
+@given(st.floats(2.0, 3.0), st.integers(-5, 5), st.integers(0, 1000))
+def test_headers_that_scatter_beside_an_even_log_are_placed_by_it(raw_topic, periods, lag_s, seed):
+    dice = np.random.default_rng(seed)
+    period_ns = int(LOG[1] - LOG[0])
+    off_ns = dice.uniform(-0.5, 0.5, LOG.size) * periods * period_ns - 0.1 * lag_s * SECOND
+    frame, label, losses = placed_one(raw_topic, header=LOG + off_ns.astype(np.int64))
+    assert label == "log"
+    assert "scatter" in losses[0]
+    steps = np.diff(frame["unix_ns"].to_numpy())
+    np.testing.assert_array_equal(steps, np.diff(LOG))
+    # in the header's clock, and in the order of arrival
+    mean_ns = float(np.mean(frame["unix_ns"].to_numpy() - (LOG - 0.1 * lag_s * SECOND)))
+    assert abs(mean_ns) < 0.5 * periods * period_ns
+    assert frame["x"].is_sorted()
+
+
+@given(st.floats(0.0, 0.5), st.integers(0, 1000))
+def test_headers_that_are_even_stay_whatever_the_log_does(raw_topic, periods, seed):
+    dice = np.random.default_rng(seed)
+    late_ns = dice.exponential(3.0, LOG.size) * float(LOG[1] - LOG[0])
+    log = np.maximum.accumulate(LOG + late_ns.astype(np.int64))
+    off_ns = dice.uniform(-0.5, 0.5, LOG.size) * periods * float(LOG[1] - LOG[0])
+    _, label, _ = placed_one(raw_topic, log, header=LOG + off_ns.astype(np.int64))
+    assert label == "header"

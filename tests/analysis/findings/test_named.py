@@ -6,7 +6,7 @@ import pytest
 from analysis.findings import CAUSES
 from analysis.simulation.designs import joined
 from analysis.simulation.faults import FAULTS
-from benchmarks.findings_rows import AXES, design, replayed
+from benchmarks.findings_rows import AXES, design, needed, replayed
 from tests.analysis.findings.conftest import BY_NAME, Named
 
 #: Sizes that are found on this machine with a margin; those of others are as they are said.
@@ -149,6 +149,20 @@ def test_loads_at_every_second_start_are_no_load_transfer(seed: int) -> None:
     carried = {"change_kg": 0.25 * machine["machine"]["mass_kg"], "alternating": True}
     log = joined(machine, {"starts": {"directions": "alternating"}, "loading": carried})
     assert replayed(log).frames["findings"].is_empty()
+
+
+@pytest.mark.parametrize("seed", [9_200_001, 9_200_003])
+def test_a_load_transfer_beside_a_load_taken_once_keeps_its_kilograms(seed: int) -> None:
+    machine = needed(design(seed, odd=False), [BY_NAME["load transfer"]])
+    half = {
+        "change_kg": 0.1 * machine["machine"]["mass_kg"],
+        "change_before_start": machine["campaign"]["runs"] // 2,
+    }
+    log = joined(machine, {"starts": {"directions": "alternating"}, "loading": half})
+    found = replayed(log, [(BY_NAME["load transfer"], 2.0)]).frames["findings"]
+    row = found.filter(pl.col("cause") == "driveline").row(0, named=True)
+    assert "go with the direction" not in row["evidence"]
+    assert row["mass_change_kg"] is not None
 
 
 @pytest.mark.parametrize("seed", [8_700_003, 8_700_013])
