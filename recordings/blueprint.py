@@ -172,7 +172,7 @@ def _shares(page: Page) -> list[float]:
     """
     lanes = [panel.lanes_share for panel in page.panels] + [0.0] * page.events
     shrunk = min(1.0, _MOST_LANES / (sum(lanes) or 1.0))
-    least = [panel.plot_share for panel in page.panels] + [0.0] * page.events
+    least = [panel.plot_share for panel in page.panels] + [_AROUND_PLOT / _PAGE] * page.events
     plots = [needed for needed, lane in zip(least, lanes, strict=True) if lane == 0.0]
     heights = iter(_levelled(plots, 1.0 - shrunk * sum(lanes)))
     return [shrunk * lane or next(heights) for lane in lanes]

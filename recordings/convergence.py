@@ -60,10 +60,10 @@ def draw_convergence(axes: "Axes", run: Run, at_s: float | None = None) -> None:
     # where most of it lies: a recursion begins anywhere
     low, high = np.quantile(known, [0.05, 0.95])
     # what it settles to, wherever a recursion of many rows lies
-    for each in (means, answers):
+    for each, inside in ((means, (0.05, 0.95)), (answers, (0.0, 1.0))):
         there = [number for number in each if np.isfinite(number)]
         if there:
-            ends = np.quantile(there, [0.05, 0.95])
+            ends = np.quantile(there, inside)
             low, high = min(low, ends[0]), max(high, ends[1])
     room = _ROOM * (high - low) or 0.05 * abs(high) or 1.0
     axes.set_ylim(low - room, high + room)
@@ -83,9 +83,11 @@ def _recursion(
     axes: "Axes", frame: pl.DataFrame, method: str, starts: list[int], period_ns: float
 ) -> list[float]:
     rows = frame.filter(pl.col("mass_kg").is_not_null()).select("t_ns", "mass_kg", "mass_std_kg")
+    if rows.is_empty():
+        return []
     step = -(-rows.height // _POINTS)
     # the last of each few: what it had settled to
-    rows = rows.gather_every(step, offset=min(step - 1, max(rows.height - 1, 0)))
+    rows = rows.gather_every(step, offset=min(step, rows.height) - 1)
     t = rows["t_ns"].to_numpy()
     mass, std = (_numbers(rows[name]) for name in ("mass_kg", "mass_std_kg"))
     # no line from one load to the next, nor where nothing was accepted

@@ -147,7 +147,8 @@ def _masses(axes: "Axes", rows: Sequence[SweptRow], at: NDArray[np.float64]) -> 
     apart = (float(steps.min()) if steps.size else 1.0) * _APART
     paper = [method for method in methods if method != _JOINT]
     half = len(paper) // 2
-    places = {method: n - half for n, method in enumerate([*paper[:half], _JOINT, *paper[half:]])}
+    answer = [method for method in methods if method == _JOINT]
+    places = {method: n - half for n, method in enumerate([*paper[:half], *answer, *paper[half:]])}
     for method in methods:
         values, std = _numbers(masses, method), _numbers(stds, method)
         if np.isfinite(values).any():

@@ -49,13 +49,14 @@ def watch(
     Raises:
         PayscopeError: of the first replay.
     """
-    path = machine_path(machine_file)
+    # a file that is gone is not the shipped one of its name
+    path = machine_path(machine_file).absolute()
     view = output.viewer or (LiveView(start_viewer()) if output.live else None)
     last: Machine | None = None
     failed = False
     for _ in _changes(path):
         try:
-            machine = load_machine(machine_file, overrides)
+            machine = load_machine(path, overrides)
             changed = [] if last is None else changed_settings(last, machine)
             if last is not None and not changed and not failed:
                 continue  # a comment, or the file was touched

@@ -87,6 +87,9 @@ class TestFaultsPutIntoTheLinearAxis:
         # without it the mass is 94.6 kg
         if mends:
             assert found.mended, found
+            if "ms" in name:
+                _, _, delay_s = found.mended[0].partition(" = ")
+                assert abs(float(delay_s)) == pytest.approx(size / 1e3, abs=3e-3), found
             assert found.mended_kg == pytest.approx(94.6, abs=1.0), found
         else:
             assert not found.mended, found

@@ -74,13 +74,22 @@ def test_a_change_is_replayed_a_fault_is_one_line_and_ctrl_c_ends_quietly(
 
 
 def test_a_machine_file_that_is_gone_is_said_and_waited_for(
-    watched: Watched, machine_file: Path, tmp_path: Path
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    watched.until("watching")
-    away = machine_file.rename(tmp_path / "away.toml")
-    assert machine_file.name in watched.until("payscope: ")
-    away.rename(machine_file)
-    watched.until("watching")
+    # a shipped machine of this name is not the one that is gone
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "cat262c.toml"
+    file.write_text(MACHINE)
+    watched = Watched(log, "-m", file.name, "-o", tmp_path / "out.rrd")
+    try:
+        watched.until("watching")
+        away = file.rename(tmp_path / "away.toml")
+        assert file.name in watched.until("payscope: ")
+        away.rename(file)
+        watched.until("watching")
+    finally:
+        watched.process.kill()
+        watched.process.communicate()
 
 
 def test_a_fault_before_the_first_replay_is_refused_as_without_a_watch(
