@@ -101,6 +101,7 @@ INSTRUMENTS: Final[dict[str, dict[str, Any]]] = {
 #: Found harmless: within 1 % of the mass.
 HARMLESS: Final[dict[str, dict[str, Any]]] = {
     "stamp jitter 5 ms": {"sampling": {"stamp_jitter_s": 0.005}},
+    "stamp jitter 20 ms": {"sampling": {"stamp_jitter_s": 0.02}},
     "drops 10 %": {"log": {"dropout_share": 0.1}},
     "swapped messages": {"log": {"swapped_share": 0.1}},
     "speed quantised to 0.05 m/s": {"sensors": {"speed_lsb_m_s": 0.05}},
@@ -133,7 +134,6 @@ WITHHELD: Final[dict[str, dict[str, Any]]] = {
     "standstill only": {"campaign": {"manoeuvres": [{"kind": "rest"}]}},
     "digging": _start(digging_N=3000.0, digging_s=3.0),
     "IMU low-passed 200 ms": {"defects": {"imu_lag_s": 0.2}},
-    "stamp jitter 20 ms": {"sampling": {"stamp_jitter_s": 0.02}},
     "force clock +1 %": {"sampling": {"torque_clock_ppm": 10_000.0}},
 }
 SITUATIONS: Final = {**MACHINE, **INSTRUMENTS, **HARMLESS, **WITHHELD}
