@@ -122,9 +122,10 @@ def uneven_headers(frame: pl.DataFrame) -> tuple[float, float] | None:
     if period_ns <= 0.0:
         return None
     # a pause of the recorder is in both
-    usual = log < 3.0 * period_ns
-    header = header[header < 3.0 * period_ns]
-    of_log, of_header = float(np.std(log[usual])), float(np.std(header)) if header.size else 0.0
+    usual, header = log[log < 3.0 * period_ns], header[header < 3.0 * period_ns]
+    if header.size < log.size / 2:  # what is delivered in bursts has another period in the log
+        return None
+    of_log, of_header = float(np.std(usual)), float(np.std(header))
     if of_header < _SCATTER * period_ns or of_log > _EVENER * of_header:
         return None
     return of_header / period_ns, of_log / period_ns

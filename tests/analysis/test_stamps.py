@@ -168,3 +168,11 @@ def test_headers_that_are_even_stay_whatever_the_log_does(raw_topic, periods, se
     off_ns = dice.uniform(-0.5, 0.5, LOG.size) * periods * float(LOG[1] - LOG[0])
     _, label, _ = placed_one(raw_topic, log, header=LOG + off_ns.astype(np.int64))
     assert label == "header"
+
+
+def test_headers_of_what_is_delivered_in_bursts_stay(raw_topic):
+    # ten at once, a millisecond apart
+    log = np.repeat(LOG[::10], 10) + np.tile(np.arange(10) * 1_000_000, LOG.size // 10)
+    frame, label, losses = placed_one(raw_topic, log, header=LOG - 3_000_000)
+    assert (label, losses) == ("header", [])
+    np.testing.assert_array_equal(frame["unix_ns"], LOG - 3_000_000)
