@@ -37,18 +37,6 @@ def combinations(over: Sequence[str]) -> list[tuple[str, ...]]:
     return list(product(*axes))
 
 
-def refuse_both(over: Sequence[str], overrides: Sequence[str]) -> None:
-    """Refuse a key that is varied and set to one value.
-
-    Raises:
-        MachineError: in one line, naming it.
-    """
-    varied = {each.partition("=")[0].strip() for each in over}
-    for key in (each.partition("=")[0].strip() for each in overrides):
-        if key in varied:
-            raise MachineError(f"--set {key}: is varied by --over; leave one of them out")
-
-
 def _axis(over: str) -> list[str]:
     key, equals, text = (part.strip() for part in over.partition("="))
     if not (key and equals and text):

@@ -130,7 +130,7 @@ def _print_sweep(
     from replay.commands.frame_output import format_of, print_frame
     from replay.commands.printing import console
     from replay.commands.progress import Stages
-    from replay.grid import combinations, refuse_both
+    from replay.grid import combinations
     from replay.sweep import sweep
 
     logs, machine_file, overrides, over = asked
@@ -144,7 +144,6 @@ def _print_sweep(
         check_picture(figure, force=force)
         if figure == output:
             raise OutputError(f"{figure}: is named twice; the table and the picture are two files")
-    refuse_both(over, overrides)
     grid = combinations(over)
     with Stages(len(grid)) as stages:
         rows = sweep(

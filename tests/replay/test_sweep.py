@@ -171,15 +171,6 @@ class TestWrongInput:
         said = payscope("sweep", log, "-m", machine_file, "--over", "settings.align.rate_hz")
         one_line(said, "KEY=FROM:TO:STEP")
 
-    def test_a_key_that_is_varied_and_set(
-        self, payscope: Payscope, log: Path, machine_file: Path
-    ) -> None:
-        key = "settings.gate.threshold_nat"
-        said = payscope(
-            "sweep", log, "-m", machine_file, "--over", f"{key}=0.5,1", "--set", f"{key}=2"
-        )
-        one_line(said, f"--set {key}", "leave one of them out")
-
     def test_no_log(self, payscope: Payscope, machine_file: Path, tmp_path: Path) -> None:
         said = payscope(
             "sweep",
