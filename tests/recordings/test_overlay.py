@@ -28,19 +28,31 @@ def shown(path: Path) -> dict[str, set[str]]:
     }
 
 
-def views(path: Path) -> set[str]:
-    """The names of the views in the blueprint."""
+def blueprint(path: Path, ending: str) -> set[str]:
+    """The names in those components of the blueprint that end so."""
     import rerun as rr
 
     reader = rr.chunk.RrdReader(path)
     (embedded,) = reader.blueprints()
+    batches = [chunk.to_record_batch() for chunk in reader.stream(store=embedded)]
     return {
         name
-        for chunk in reader.stream(store=embedded)
-        if "ViewBlueprint:display_name" in chunk.to_record_batch().schema.names
-        for row in chunk.to_record_batch().column("ViewBlueprint:display_name").to_pylist()
+        for batch in batches
+        for component in batch.schema.names
+        if component.endswith(ending)
+        for row in batch.column(component).to_pylist()
         for name in row or ()
     }
+
+
+def views(path: Path) -> set[str]:
+    """What panels are called."""
+    return blueprint(path, "ViewBlueprint:display_name")
+
+
+def names(path: Path) -> set[str]:
+    """What lines and bands are called in legends."""
+    return blueprint(path, ":names")
 
 
 def test_what_differs_is_drawn_over_each_other_and_subtracted(drives, tmp_path: Path) -> None:
@@ -54,22 +66,6 @@ def test_what_differs_is_drawn_over_each_other_and_subtracted(drives, tmp_path: 
     assert {mass, "B − A: Mass (kg)", "Speed (m/s)", "Compared"} <= named
     assert "Force (N)" not in named
     assert "B − A: Speed (m/s)" not in named
-
-
-def names(path: Path) -> set[str]:
-    """What lines and bands are called in legends."""
-    import rerun as rr
-
-    reader = rr.chunk.RrdReader(path)
-    (embedded,) = reader.blueprints()
-    return {
-        name
-        for chunk in reader.stream(store=embedded)
-        for field in chunk.to_record_batch().schema.names
-        if field.endswith(":names")
-        for row in chunk.to_record_batch().column(field).to_pylist()
-        for name in row or ()
-    }
 
 
 def test_a_legend_names_what_both_draw_once(drives, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -45,11 +45,25 @@ class Watched:
 
 
 @pytest.fixture
-def watched(log: Path, machine_file: Path, tmp_path: Path) -> Iterator[Watched]:
-    watched = Watched(log, "-m", machine_file, "-o", tmp_path / "out.rrd")
-    yield watched
-    watched.process.kill()
-    watched.process.communicate()
+def watching() -> Iterator[Callable[..., Watched]]:
+    """Start the command with these words; it is ended with the test."""
+    started: list[Watched] = []
+
+    def start(*words: object) -> Watched:
+        started.append(Watched(*words))
+        return started[-1]
+
+    yield start
+    for each in started:
+        each.process.kill()
+        each.process.communicate()
+
+
+@pytest.fixture
+def watched(
+    watching: Callable[..., Watched], log: Path, machine_file: Path, tmp_path: Path
+) -> Watched:
+    return watching(log, "-m", machine_file, "-o", tmp_path / "out.rrd")
 
 
 def test_a_change_is_replayed_a_fault_is_one_line_and_ctrl_c_ends_quietly(
@@ -74,22 +88,18 @@ def test_a_change_is_replayed_a_fault_is_one_line_and_ctrl_c_ends_quietly(
 
 
 def test_a_machine_file_that_is_gone_is_said_and_waited_for(
-    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    watching: Callable[..., Watched], log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # a shipped machine of this name is not the one that is gone
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "cat262c.toml"
     file.write_text(MACHINE)
-    watched = Watched(log, "-m", file.name, "-o", tmp_path / "out.rrd")
-    try:
-        watched.until("watching")
-        away = file.rename(tmp_path / "away.toml")
-        assert file.name in watched.until("payscope: ")
-        away.rename(file)
-        watched.until("watching")
-    finally:
-        watched.process.kill()
-        watched.process.communicate()
+    watched = watching(log, "-m", file.name, "-o", tmp_path / "out.rrd")
+    watched.until("watching")
+    away = file.rename(tmp_path / "away.toml")
+    assert file.name in watched.until("payscope: ")
+    away.rename(file)
+    watched.until("watching")
 
 
 def test_a_fault_before_the_first_replay_is_refused_as_without_a_watch(
