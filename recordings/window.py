@@ -12,7 +12,7 @@ from recordings.reader import opened, read_recording, with_missing_rows
 
 _NS: Final = 1_000_000_000
 #: Later than any recording, and still whole nanoseconds.
-_LATEST_S: Final = 1e9
+LATEST_S: Final = 1e9
 
 
 def read_window(
@@ -38,7 +38,7 @@ def read_window(
     check_stretch(path, from_s, to_s)
     stretch = _words(from_s, to_s)
     begin, end = (
-        None if each is None else round(min(max(each, -_LATEST_S), _LATEST_S) * _NS)
+        None if each is None else round(min(max(each, -LATEST_S), LATEST_S) * _NS)
         for each in (from_s, to_s)
     )
     frames: dict[str, pl.DataFrame] = {}

@@ -18,6 +18,7 @@ from analysis.cycles.target import TargetCheck, check_target
 from analysis.machine import Machine
 from analysis.run import Run
 from estimators.errors import DataError, OutputError, RecordingError, ReviewError
+from estimators.file_digest import file_sha256
 from estimators.threads import mapped
 from recordings import read_frame, write_recording
 from recordings.output import staged
@@ -169,7 +170,7 @@ def review(
         with staged(targets, force=True) as stage:
             if made.run is not None:
                 write_recording(_thinned(made.run, full=options.full), stage / RECORDING)
-                digest = _digest(stage / RECORDING)
+                digest = file_sha256(stage / RECORDING)
                 state = state_of(made.run, key, digest, plain)
             else:
                 assert before is not None
@@ -232,7 +233,7 @@ def _kept(folder: Path, before: ReviewState | None, key: str) -> ReplayedShift |
     recording = folder / RECORDING
     if before is None or before.key != key or not recording.is_file():
         return None
-    if _digest(recording) != before.recording_sha256:
+    if file_sha256(recording) != before.recording_sha256:
         return None
     try:
         cycles, shift = (read_frame(recording, name) for name in ("cycles", "shift"))
@@ -316,11 +317,6 @@ def _changes(before: ReviewState, state: ReviewState) -> list[tuple[str, str, st
     logs = [(f"log {name}", "there", "gone") for name in sorted(was - now)]
     logs += [(f"log {name}", "–", "there") for name in sorted(now - was)]
     return [*logs, *changed(before, state.resolved)]
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @contextmanager

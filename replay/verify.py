@@ -1,7 +1,6 @@
 """The command `verify`: a bundle checked by itself, and against its logs."""
 
 import datetime as dt
-import hashlib
 import os
 import stat
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ import polars as pl
 
 from analysis.calibration.learnt import TermOfLog
 from estimators.errors import EvidenceError, PayscopeError, counted
+from estimators.file_digest import file_sha256
 from recordings.evidence.checked import CheckedBundle
 from recordings.evidence.checks import check_bundle
 from recordings.evidence.document import EvidenceDocument, EvidenceLog
@@ -228,7 +228,7 @@ def _path_of(checked: CheckedBundle, log: EvidenceLog, found: dict[str, list[Pat
     places: list[Path] | None = None
     for file in log.files:
         named = found.get(file.name, [])
-        same = [path.parent for path in named if _digest(path) == file.sha256]
+        same = [path.parent for path in named if file_sha256(path) == file.sha256]
         if not same:
             if named:
                 what = f"'{file.name}' is not the file of the evidence"
@@ -264,8 +264,3 @@ def _walk(folder: Path, depth: int) -> "Iterator[os.DirEntry[str]]":
             yield entry
             if depth < _DEEPEST and entry.is_dir(follow_symlinks=False):
                 yield from _walk(Path(entry.path), depth + 1)
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -3,16 +3,12 @@
 import shutil
 import tempfile
 from pathlib import Path
-from typing import Final
 
 from estimators.errors import OutputError, RecordingError
 from recordings import write_recording
 from recordings.viewer import open_viewer, screenshots
-from recordings.window import read_window
+from recordings.window import LATEST_S, read_window
 from recordings.writer import SUFFIX
-
-#: Later than any recording, and still whole nanoseconds.
-_LATEST_S: Final = 1e9
 
 
 def view(
@@ -42,7 +38,7 @@ def view(
     """
     if tab is not None and screenshot is None:
         raise OutputError(f"--tab {tab}: is of pictures; add --screenshot FOLDER")
-    if at_s is not None and not abs(at_s) <= _LATEST_S:
+    if at_s is not None and not abs(at_s) <= LATEST_S:
         raise RecordingError(f"--at {at_s}: is no time; name seconds since the start")
     if screenshot is not None and screenshot.exists() and not screenshot.is_dir():
         raise OutputError(f"{screenshot}: is a file; name a folder for the pictures")

@@ -1,7 +1,6 @@
 """One recording of a fleet: replayed on a node, its result put where all results are."""
 
 import datetime as dt
-import hashlib
 import tempfile
 import time
 from collections.abc import Generator
@@ -19,6 +18,7 @@ from analysis.fleet.days import UNDATED
 from analysis.fleet.tables import GATE_SHARES, QUALITY, result_of, tables_of
 from analysis.run import Run
 from estimators.errors import DataError, LogError, PayscopeError
+from estimators.file_digest import file_sha256
 from recordings import write_recording
 from recordings.review.state import state_of
 from replay.fleet.layout import MARK, ResultName, key_of, write_result
@@ -228,8 +228,4 @@ def fetched(log: FleetLog) -> Generator[Path]:
 def _digests(path: Path) -> tuple[str, ...]:
     """Of a log that may not be one."""
     files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-    found: list[str] = []
-    for each in files:
-        with each.open("rb") as stream:
-            found.append(hashlib.file_digest(stream, "sha256").hexdigest())
-    return tuple(found)
+    return tuple(file_sha256(each) for each in files)

@@ -1,6 +1,5 @@
 """What a log offers; nothing else of a reader is used."""
 
-import hashlib
 import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError
+from estimators.file_digest import file_sha256
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +89,7 @@ class Log(ABC):
     @cached_property
     def digests(self) -> tuple[str, ...]:
         """The SHA-256 of every file, in hexadecimal."""
-        found: list[str] = []
-        for path in self.files:
-            with path.open("rb") as stream:
-                found.append(hashlib.file_digest(stream, "sha256").hexdigest())
-        return tuple(found)
+        return tuple(file_sha256(path) for path in self.files)
 
     @abstractmethod
     def topics(self) -> pl.DataFrame:
