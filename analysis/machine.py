@@ -188,6 +188,13 @@ class Machine(BaseModel):
                 f"channels.{wanted}; give it, or choose the other of specific_force, kinematic"
             )
 
+    @property
+    def differentiates_speed(self) -> bool:
+        """Whether what multiplies the mass is the derivative of the wheels' speed."""
+        channel = self.channels.get("acc_x_m_s2")
+        kinematic = self.settings.forces.acceleration == "kinematic"
+        return kinematic and channel is not None and channel.derivative_of == "speed_x_m_s"
+
     def derivation_order(self) -> list[str]:
         """Channel names with sources first.
 

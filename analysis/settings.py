@@ -194,6 +194,15 @@ class PriorSettings(BaseModel):
     direction_weight_share: float = Field(
         0.01, gt=0, description="and as a share of the machine's weight, likewise"
     )
+    viscous_drift_share: float = Field(
+        0.1,
+        gt=0,
+        description="prior of the change of viscous friction over the log, as a share of the force "
+        "at top speed",
+    )
+    gain_drift: float = Field(
+        0.01, gt=0, description="prior of the change of the force's gain over the log, as a share"
+    )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
     speed_delay_s: float = Field(
         0.02, gt=0, description="prior of the speed's delay behind the accelerometer"

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -30,8 +30,40 @@ _SHORTEST: Final = 50
 _RATE_COUNTS: Final = 4.0
 #: No transfer of load takes more of the force away.
 _LEAST_GAIN: Final = 0.5
+#: No load is more than this share of the mass that it is related to.
+_LARGEST_LOAD: Final = 0.9
 #: Samples of the parabola that gives the derivative.
 _RATE_SAMPLES: Final = 9
+
+
+@dataclass(frozen=True, slots=True)
+class RelativeLoads:
+    """The mass that each manoeuvre moves over a reference mass, less 1.
+
+    Attributes:
+        unit: (units,) numbers of the manoeuvres, ascending.
+        value: (units,) of each.
+        weight_shares: of the constant force and of Coulomb friction, what is expected to be in
+            proportion to the weight.
+    """
+
+    unit: Ints
+    value: Floats
+    weight_shares: tuple[float, float]
+
+    @classmethod
+    def of(cls, unit: Ints, mass_kg: Floats, weight_shares: tuple[float, float]) -> Self | None:
+        """Relate (units,) masses to their mean; None where they are no masses."""
+        reference_kg = float(np.mean(mass_kg))
+        if not reference_kg > 0.0:
+            return None
+        value = np.clip(mass_kg / reference_kg - 1.0, -_LARGEST_LOAD, _LARGEST_LOAD)
+        return cls(unit, value, weight_shares)
+
+    def at(self, unit: Ints) -> Floats:
+        """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
+        place = np.searchsorted(self.unit, unit, "right") - 1
+        return self.value[place.clip(0, self.unit.size - 1)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +78,7 @@ class EarlierRounds:
         slip_s_m: what slip costs, as a share of the force a m/s.
         speed_late_s: how late the speed is, by the wheels.
         motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
+        relative_loads: of the load states; None where there is one.
     """
 
     lag_s: float = 0.0
@@ -55,6 +88,7 @@ class EarlierRounds:
     slip_s_m: float = 0.0
     speed_late_s: float = 0.0
     motion_gain: float = 0.0
+    relative_loads: RelativeLoads | None = None
 
     def acting(self, motion: Equation) -> Floats:
         """The force on the ground, (n,) in N, of a motion whose force is in time."""
@@ -154,16 +188,21 @@ def _averaged(
     if found.motion_gain:
         own = acceleration if motion.without_gravity is None else motion.without_gravity
         acceleration = acceleration + found.motion_gain * own
+    loads = found.relative_loads
+    wheels = motion.wheel_acceleration
     raw = Moments(
         acceleration,
+        np.zeros(speed.size) if wheels is None else wheels,
         speed,
         ground_speed(speed, acting, found.slip_1_N),
         acting,
         _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
         motion.direction,
         motion.progress,
+        np.zeros(speed.size) if loads is None else loads.at(motion.unit),
         found.slip_s_m,
         found.transfer_s2_m,
+        (0.0, 0.0) if loads is None else loads.weight_shares,
     )
     group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
     kept = np.flatnonzero(_thinned(group, stride_of(samples)))

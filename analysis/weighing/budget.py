@@ -55,6 +55,11 @@ _PARTS: Final = {
         "masses that change or that scatter: the log cannot tell which",
         "more starts with each load; a boom or bucket channel; machine.repeatability_kg",
     ),
+    "other_drifts": _FitPart(
+        "common",
+        "drifts of gain or friction that the log neither shows nor rules out",
+        "loads that come back: empty, loaded, empty; a machine that is warm",
+    ),
     "misfit": _FitPart(
         "common",
         "what every start has in common and the model misses",

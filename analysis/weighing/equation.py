@@ -90,6 +90,7 @@ class Equation:
         rate_hz: of the grid.
         specific_force: the accelerometer along x, in m/s², where there is one.
         without_gravity: likewise with gravity's share by the pitch taken off.
+        wheel_acceleration: derivative of the wheels' speed, in m/s², where it multiplies the mass.
         progress: from -1/2 to 1/2 over the log.
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
@@ -106,6 +107,7 @@ class Equation:
     rate_hz: float
     specific_force: Floats | None
     without_gravity: Floats | None
+    wheel_acceleration: Floats | None
     progress: Floats
     by_accelerometer: bool
     force_share: float
@@ -131,6 +133,7 @@ class Equation:
     def _cut(self, cut: slice | Ints) -> "Equation":
         """Some of the samples."""
         level, measured = self.without_gravity, self.specific_force
+        wheels = self.wheel_acceleration
         return replace(
             self,
             acceleration=self.acceleration[cut],
@@ -141,6 +144,7 @@ class Equation:
             unit=self.unit[cut],
             specific_force=None if measured is None else measured[cut],
             without_gravity=None if level is None else level[cut],
+            wheel_acceleration=None if wheels is None else wheels[cut],
             progress=self.progress[cut],
             arms=tuple(each[cut] for each in self.arms),
         )
@@ -199,6 +203,11 @@ class Equation:
         """The force that this log drives with over the acceleration that it reaches, in kg."""
         reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
         return self.largest_force / reached if reached else 0.0
+
+    @cached_property
+    def manoeuvres(self) -> int:
+        """How many stretches between two stands may be fitted."""
+        return int(np.unique(self.unit[self.used]).size)
 
     @cached_property
     def both_ways(self) -> bool:
@@ -261,6 +270,7 @@ def equation(
         settings.align.rate_hz,
         measured,
         level,
+        _column(aligned, "acc_x_m_s2", known) if machine.differentiates_speed else None,
         _progress(speed.size),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,

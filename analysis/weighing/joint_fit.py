@@ -6,11 +6,19 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.settings import LearntTerm, PriorSettings
-from analysis.weighing.averages import EarlierRounds, averages
+from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages
+from analysis.weighing.drifts import LikelyDrifts
 from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
 from analysis.weighing.joint_result import JointFit, MotionResponses, PriorMeans, place_of
 from analysis.weighing.kinematics import Kinematics, kinematics
-from analysis.weighing.nuisances import NUISANCES, Nuisance, const_width, offset_in_const
+from analysis.weighing.nuisances import (
+    NUISANCES,
+    Nuisance,
+    const_width,
+    offset_in_const,
+    weight_in_const,
+    weight_in_direction,
+)
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators import prior_fit
 from estimators.prior_fit import Grouping
@@ -77,7 +85,10 @@ class Fitted:
 def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     """Fit with the shortest mean that leaves nearly the smallest uncertainty."""
     motion = of.motion
-    terms = tuple(term for term in NUISANCES if term.applies(motion))
+    several = states is not None and states.count > 1
+    terms = tuple(
+        term for term in NUISANCES if term.applies(motion) and (several or not term.by_load)
+    )
     whole = _Task(motion, of.noise, of.priors, terms, of.wheels, states)
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
@@ -144,7 +155,24 @@ def again(
     terms = (*found.terms, *extra)
     task = _Task(found.motion, noise, priors, terms, found.kinematics, found.states)
     fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found)
-    return replace(fitted, lag_shape_kg=found.lag_shape_kg, averaging_share=found.averaging_share)
+    return replace(
+        fitted,
+        lag_shape_kg=found.lag_shape_kg,
+        averaging_share=found.averaging_share,
+        drifts=found.drifts,
+    )
+
+
+def with_likely_drifts(
+    found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
+) -> tuple[JointFit, PriorSettings]:
+    """Fit without the drifts that the log is unlikely to have; also the priors of that fit."""
+    likely = LikelyDrifts.of(found.fit, found.count, found.terms, found.prior_std)
+    if likely is None:
+        return found, priors
+    narrowed = likely.narrowed(priors)
+    fitted = again(found, noise, narrowed, rounds=2) if likely.left_out else found
+    return replace(fitted, drifts=likely), narrowed
 
 
 def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
@@ -171,7 +199,7 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
         task = _Task(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
-        units = task.units(found.mean_samples, found.found, found.viscous)
+        units = task.units(found)
         states = found_states(replace(units, kind=hints), number, repeatability_kg)
         before = found.states
         if states.count == 1 and found.count == 1:
@@ -219,13 +247,17 @@ class _Task:
         known = (
             begin.found
             if begin
-            else EarlierRounds(slip_1_N=self._slip(), speed_late_s=self._speed_late_s())
+            else EarlierRounds(
+                slip_1_N=self._slip(),
+                speed_late_s=self._speed_late_s(),
+                relative_loads=self._relative_loads(),
+            )
         )
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        friction = begin.viscous if begin else None
+        masses_and_friction = begin and begin.theta[: begin.count + 1]
         for number in range(rounds):
-            mean, std = self._priors(friction)
+            mean, std = self._priors(masses_and_friction)
             known_s = known.lag_s
             mean[lag] -= known_s
             rows = averages(self.motion, self.noise, self.terms, samples, known)
@@ -238,10 +270,10 @@ class _Task:
                 np.concatenate([np.full(2, np.inf), std]),
                 Grouping(rows.direction, rows.shortest, levels),
             )
-            friction = float(solution.theta[first - 1])
+            masses_and_friction = solution.theta[:first]
             if not np.isfinite(solution.theta).all():
                 break
-            known, moved = self._found(known, solution.theta[first:], shift=shift)
+            known, moved = self._found(known, solution.theta, shift=shift)
             if number and moved < _LAG_FOUND_S:
                 break
         assert solution is not None
@@ -263,11 +295,27 @@ class _Task:
             self._prior_means(mean, known_s),
         )
 
+    def _relative_loads(self, masses_kg: Floats | None = None) -> RelativeLoads | None:
+        """Relate the states' masses to their mean over the manoeuvres; None where there is one.
+
+        Args:
+            masses_kg: (states,); None: those that the manoeuvres say.
+        """
+        states = self.states
+        if states is None or states.count < 2:
+            return None
+        masses_kg = states.means_kg if masses_kg is None else masses_kg
+        splits = (weight_in_const, weight_in_direction)
+        shares = [split(self.motion, self.priors).expected for split in splits]
+        return RelativeLoads.of(states.unit, masses_kg[states.of], (shares[0], shares[1]))
+
     def _found(
-        self, before: EarlierRounds, terms: Floats, *, shift: bool
+        self, before: EarlierRounds, theta: Floats, *, shift: bool
     ) -> tuple[EarlierRounds, float]:
         """What a round found, and how far the lag moved by it."""
-        by_name = dict(zip((term.name for term in self.terms), terms.tolist(), strict=True))
+        masses = theta.size - 1 - len(self.terms)
+        names = (term.name for term in self.terms)
+        by_name = dict(zip(names, theta[masses + 1 :].tolist(), strict=True))
         late_s = by_name["lag"]
         lag_s = float(np.clip(before.lag_s + late_s, -_LONGEST_LAG_S, _LONGEST_LAG_S))
         share, _ = offset_in_const(self.motion, self.priors)
@@ -280,12 +328,14 @@ class _Task:
                 np.clip(share * by_name["const"], -_MOST_OFFSET * width, _MOST_OFFSET * width)
             ),
             slip_s_m=by_name["slip"],
+            relative_loads=self._relative_loads(theta[:masses]),
         )
         return after, abs(late_s)
 
-    def units(self, samples: int, found: EarlierRounds, friction: float) -> Units:
+    def units(self, fit: JointFit) -> Units:
         """What each manoeuvre says of its mass, by what a fit found."""
-        mean, std = self._priors(friction)
+        samples, found = fit.mean_samples, fit.found
+        mean, std = self._priors(fit.theta[: fit.count + 1])
         lag = place_of("lag", self.terms)
         mean[lag] -= found.lag_s
         rows = averages(self.motion, self.noise, self.terms, samples, found)
@@ -310,12 +360,16 @@ class _Task:
         wheels = self.wheels
         return wheels.slip_1_N[0] if wheels is not None and wheels.goes_together else 0.0
 
-    def _priors(self, friction: float | None) -> tuple[Floats, Floats]:
-        """Means and widths; those of slip once friction is known: it costs friction · slip."""
+    def _priors(self, masses_and_friction: Floats | None) -> tuple[Floats, Floats]:
+        """Means and widths; those of slip once mass and friction are known, by which it costs."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if friction is not None:
+        if masses_and_friction is not None:
+            *masses_kg, friction = masses_and_friction.tolist()
             self._narrow_slip(friction, mean, std)
+            if self.motion.wheel_acceleration is not None:
+                at = place_of("slip_acceleration", self.terms)
+                self._take_from_wheels(at, float(np.mean(masses_kg)), mean, std)
         for place, term in self._learnt_places():
             mean[place], std[place] = term.mean, term.std
         return mean, std
@@ -344,6 +398,11 @@ class _Task:
         friction = max(friction, 0.0)
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
         std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)
+        self._take_from_wheels(at, -friction, mean, std)
+
+    def _take_from_wheels(self, at: int, cost: float, mean: Floats, std: Floats) -> None:
+        """Set the prior of a term that is so many times the slip, where the wheels tell it."""
         if self.wheels is not None and self.wheels.goes_together:
-            mean[at] = -friction * self.wheels.slip_1_N[0]
-            std[at] = np.hypot(friction * self.wheels.slip_1_N[1], _LEAST_SLIP * std[at])
+            slip_1_N, u_1_N = self.wheels.slip_1_N
+            mean[at] = cost * slip_1_N
+            std[at] = np.hypot(cost * u_1_N, _LEAST_SLIP * std[at])

@@ -6,7 +6,7 @@ where no calibration learnt another (`settings.priors.learnt`).
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -23,37 +23,46 @@ class Moments:
 
     Attributes:
         acceleration: in m/s².
+        wheel_acceleration: derivative of the wheels' speed where it multiplies the mass; else 0.
         speed: in m/s.
         ground_speed: the same without the slip that the wheels are known to have.
         force: that acts on the ground, in N, in time.
         force_rate: derivative of the measured force where it is more than noise, in N/s.
         direction: of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
+        relative_load: of the machine with its load over the reference mass, less 1.
         slip_s_m: what slip was found to cost, as a share of the force a m/s.
         transfer_s2_m: what load transfer was found to add to the force, likewise a m/s².
+        weight_shares: of the constant force and of Coulomb friction, what is expected to be in
+            proportion to the weight.
     """
 
     acceleration: Floats
+    wheel_acceleration: Floats
     speed: Floats
     ground_speed: Floats
     force: Floats
     force_rate: Floats
     direction: Floats
     progress: Floats
+    relative_load: Floats
     slip_s_m: float
     transfer_s2_m: float
+    weight_shares: tuple[float, float]
 
     def at(self, rows: Ints) -> "Moments":
         """The same of some of the samples."""
         return replace(
             self,
             acceleration=self.acceleration[rows],
+            wheel_acceleration=self.wheel_acceleration[rows],
             speed=self.speed[rows],
             ground_speed=self.ground_speed[rows],
             force=self.force[rows],
             force_rate=self.force_rate[rows],
             direction=self.direction[rows],
             progress=self.progress[rows],
+            relative_load=self.relative_load[rows],
         )
 
 
@@ -72,6 +81,7 @@ class Nuisance:
         by_force: likewise by the force.
         by_acceleration: likewise by the acceleration.
         applies: whether a log can have it.
+        by_load: whether it is a difference between load states, which one load does not have.
     """
 
     name: str
@@ -84,6 +94,7 @@ class Nuisance:
     by_force: Callable[[Moments], Floats] | None = None
     by_acceleration: Callable[[Moments], Floats] | None = None
     applies: Callable[[Equation], bool] = lambda _: True
+    by_load: bool = False
 
 
 def const_width(motion: Equation, priors: PriorSettings) -> float:
@@ -120,12 +131,54 @@ def offset_in_const(motion: Equation, priors: PriorSettings) -> tuple[float, flo
     return ((wrong / both) ** 2, wrong * acts / both) if both else (0.0, 0.0)
 
 
+@dataclass(frozen=True, slots=True)
+class WeightShare:
+    """How much of a force is in proportion to the weight with its load, by the priors alone.
+
+    A force of newtons (offset, Coulomb friction) is the same for every load; one of the weight
+    (tilt and bias of the accelerometer, a slope, rolling resistance) grows with it.
+
+    Attributes:
+        expected: the share of the force at the reference load.
+        std_N: standard deviation of what deviates from that.
+    """
+
+    expected: float
+    std_N: float
+
+    @classmethod
+    def of(cls, newtons: float, of_weight: float) -> Self:
+        """Split a force whose two parts have these standard deviations, in N."""
+        both = float(np.hypot(newtons, of_weight))
+        return cls((of_weight / both) ** 2, newtons * of_weight / both)
+
+
+def weight_in_const(motion: Equation, priors: PriorSettings) -> WeightShare:
+    """Split the constant force, which has Coulomb friction where all driving is one way."""
+    newtons = priors.const_share * motion.largest_force
+    of_weight = priors.const_weight_share * motion.weight
+    if motion.both_ways:
+        return WeightShare.of(newtons, of_weight)
+    return WeightShare.of(
+        float(np.hypot(newtons, priors.direction_share * motion.largest_force)),
+        float(np.hypot(of_weight, priors.direction_weight_share * motion.weight)),
+    )
+
+
+def weight_in_direction(motion: Equation, priors: PriorSettings) -> WeightShare:
+    """Split the force against the direction of motion."""
+    return WeightShare.of(
+        priors.direction_share * motion.largest_force,
+        priors.direction_weight_share * motion.weight,
+    )
+
+
 #: In the order of the fit's parameters; a fit has those that apply to its log.
 NUISANCES: Final = (
     Nuisance(
         "const",
         "N",
-        lambda m: np.ones_like(m.speed),
+        lambda m: 1.0 + m.weight_shares[0] * m.relative_load,
         const_width,
         "a constant force: offset of the force, tilt or bias of the accelerometer, slope; "
         "Coulomb friction where all driving is one way",
@@ -158,6 +211,19 @@ NUISANCES: Final = (
         by_force=lambda m: np.abs(m.speed),
     ),
     Nuisance(
+        "slip_acceleration",
+        "kg/N",
+        lambda m: (
+            -np.sign(m.speed) * m.wheel_acceleration * m.force - np.abs(m.speed) * m.force_rate
+        ),
+        lambda e, s: e.about_kg * s.wheel_slip / e.largest_force,
+        "longitudinal slip: wheels gain speed that the machine does not",
+        "an accelerometer on the body",
+        by_force=lambda m: -np.sign(m.speed) * m.wheel_acceleration,
+        by_acceleration=lambda m: -np.sign(m.speed) * m.force,
+        applies=lambda e: e.wheel_acceleration is not None,
+    ),
+    Nuisance(
         "quadratic",
         "N·s²/m²",
         lambda m: m.speed * np.abs(m.speed),
@@ -169,7 +235,7 @@ NUISANCES: Final = (
     Nuisance(
         "direction",
         "N",
-        lambda m: m.direction,
+        lambda m: m.direction * (1.0 + m.weight_shares[1] * m.relative_load),
         direction_width,
         "Coulomb friction, where the log drives both ways",
         "starts at different throttles",
@@ -196,6 +262,47 @@ NUISANCES: Final = (
         "a measured force that is zeroed",
         by_speed=lambda m: -m.slip_s_m * np.sign(m.speed),
         by_acceleration=lambda m: np.full(m.speed.size, -m.transfer_s2_m),
+    ),
+    Nuisance(
+        "viscous_drift",
+        "N·s/m",
+        lambda m: m.speed * m.progress,
+        lambda e, s: s.viscous_drift_share * e.largest_force / e.largest_speed,
+        "how much viscous friction changes over the log: oil that warms",
+        "a machine that is warm",
+        by_speed=lambda m: m.progress,
+        applies=lambda e: e.manoeuvres > 1,
+    ),
+    Nuisance(
+        "gain_drift",
+        "1",
+        lambda m: m.force * m.progress,
+        lambda _, s: s.gain_drift,
+        "how much the gain of the force changes over the log",
+        "loads that come back: empty, loaded, empty",
+        by_force=lambda m: m.progress,
+        applies=lambda e: e.manoeuvres > 1,
+    ),
+    Nuisance(
+        "weight_const",
+        "N",
+        lambda m: m.relative_load,
+        lambda e, s: weight_in_const(e, s).std_N,
+        "what of the constant force is in proportion to the weight with its load (tilt or bias of "
+        "the accelerometer, slope), beside what is expected of it",
+        "starts at different throttles with each load; an accelerometer that is zeroed",
+        by_load=True,
+    ),
+    Nuisance(
+        "weight_direction",
+        "N",
+        lambda m: m.direction * m.relative_load,
+        lambda e, s: weight_in_direction(e, s).std_N,
+        "what of Coulomb friction is in proportion to the weight with its load (rolling "
+        "resistance), beside what is expected of it",
+        "starts at different throttles with each load",
+        applies=lambda e: e.both_ways,
+        by_load=True,
     ),
 )
 

@@ -20,11 +20,6 @@ _LARGEST_LOAD: Final = 1.0 / 3.0
 #: Manoeuvres of one load repeat to about so much of the machine's mass: those who sell scales for
 #: loaders state one or two percent.
 _REPEATS: Final = 0.02
-#: Gains drift by about so much over a log, which is no change of load.
-_DRIFT: Final = 0.01
-#: Fewer manoeuvres tell no drift from a change.
-_FEWEST_OF_DRIFT: Final = 6
-_NO_DRIFT_KG: Final = 1e-6
 #: With fewer degrees of freedom the manoeuvres do not tell how they scatter.
 FEWEST_FREEDOM: Final = 4
 #: One load is not ruled out when it is more probable than this.
@@ -200,16 +195,14 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         return untold_states(number)
     typical_kg = float(np.median(np.abs(units.y)))
     found = partitions(
-        _with_drift(units, _DRIFT * typical_kg),
+        units,
         _LARGEST_LOAD * typical_kg,
         _REPEATS * typical_kg,
         repeatability_kg,
     )
     best = found.best if _chosen(found, repeatability_kg) else found.single
     other = found.several if best.states == 1 else found.single
-    # what drifts within a state is scatter of it
-    shared = units.x.shape[1]
-    level_kg = units.y - units.x @ best.effects[:shared]
+    level_kg = units.y - units.x @ best.effects
     scatter_kg, freedom, ratio = _scatter(level_kg, units.variance, best)
     if repeatability_kg is not None:
         scatter_kg, freedom = repeatability_kg, np.inf
@@ -234,7 +227,7 @@ def _other_reading(
     doubted = _DOUBTED_SEVERAL if best.states == 1 else _DOUBTED
     if other is None or probability < doubted:
         return None
-    level_kg = units.y - units.x @ other.effects[: units.x.shape[1]]
+    level_kg = units.y - units.x @ other.effects
     scatter_kg, _, _ = _scatter(level_kg, units.variance, other)
     differs_kg = other.levels[other.state] - best.levels[best.state]
     return OtherReading(other.state, differs_kg, scatter_kg, probability)
@@ -244,23 +237,6 @@ def untold_states(number: Ints) -> States:
     """One state of these manoeuvres, of which nothing is known."""
     one, nothing = np.zeros(number.size, np.int64), np.full(number.size, np.nan)
     return States(number, one, nothing, nothing, 0.0, 0.0, float("nan"))
-
-
-def _with_drift(units: Units, width_kg: float) -> Units:
-    """The same with one more shared effect: a mass that drifts over the log."""
-    progress = np.linspace(-0.5, 0.5, units.y.size)
-    if units.y.size < _FEWEST_OF_DRIFT:
-        width_kg = _NO_DRIFT_KG
-    r = units.x.shape[1]
-    gram = np.zeros((r + 1, r + 1))
-    gram[:r, :r] = units.gram
-    gram[r, r] = width_kg**-2.0
-    return replace(
-        units,
-        x=np.column_stack([units.x, progress]),
-        gram=gram,
-        cross=np.append(units.cross, 0.0),
-    )
 
 
 def _chosen(found: Partitions, repeatability_kg: float | None) -> bool:

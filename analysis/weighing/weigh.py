@@ -16,6 +16,7 @@ from analysis.weighing.joint_fit import (
     Fitted,
     again,
     joint_fit,
+    with_likely_drifts,
     with_responses,
     with_states,
 )
@@ -134,7 +135,7 @@ def weigh(
     if known is None:
         return None
     rate_hz = settings.align.rate_hz
-    columns = _OfDerivative(known, rate_hz) if _derived_from_speed(machine) else known
+    columns = _OfDerivative(known, rate_hz) if machine.differentiates_speed else known
 
     def motion(*, braking: bool) -> Equation:
         return equation(aligned, excitation, gated, machine, columns, braking=braking)
@@ -167,6 +168,7 @@ def weigh(
                     fit = with_states(alone, fitted, machine.machine.repeatability_kg)
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
+    fit, priors = with_likely_drifts(fit, columns, priors)
     fit = with_responses(fit, columns, priors)
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
     return Weighing(
@@ -212,13 +214,6 @@ def curvature(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Cu
     curved = again(fit, noise, priors, (CURVATURE,)).fit
     moved = float(curved.theta[fit.main] - fit.theta[fit.main])
     return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
-
-
-def _derived_from_speed(machine: Machine) -> bool:
-    """Whether what multiplies the mass is the speed's derivative."""
-    channel = machine.channels.get("acc_x_m_s2")
-    kinematic = machine.settings.forces.acceleration == "kinematic"
-    return kinematic and channel is not None and channel.derivative_of == "speed_x_m_s"
 
 
 def _scaled(priors: PriorSettings, times: float) -> PriorSettings:

@@ -1,0 +1,121 @@
+"""Which drifts a log has: none, one or several of those that the fit allows.
+
+A gain that drifts and friction that warms look alike while the machine drives at a steady speed,
+and free to cancel each other they hide a change of load. That a log has neither is likelier than
+that it has two which cancel: the evidence of each choice says by how much (Bayesian model
+averaging, Hoeting et al. 1999), and what the likeliest leaves out stays in the uncertainty.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Final, Self
+
+import numpy as np
+
+from analysis.settings import PriorSettings
+from analysis.weighing.equation import Floats
+from analysis.weighing.nuisances import Nuisance
+from estimators.prior_fit import PriorFit
+
+#: The drifts, by the setting that is the width of each one's prior.
+DRIFTS: Final = {"viscous_drift": "viscous_drift_share", "gain_drift": "gain_drift"}
+#: A log has each of them with this probability, before anything is measured.
+_BEFORE: Final = 0.2
+#: The width of the prior of a drift that is left out, over its own.
+_NARROW: Final = 0.02
+
+
+@dataclass(frozen=True)
+class LikelyDrifts:
+    """The likeliest choice of drifts, and what the others would change.
+
+    Attributes:
+        left_out: names of the drifts that it does not have.
+        probability: (choices,) of the other choices.
+        moved_kg: (choices, masses) by how much each moves the masses.
+        response_kg: (masses, drifts) what a unit of each drift moves the masses by.
+        widened: (choices, drifts, drifts) covariance that each has beyond the likeliest.
+    """
+
+    left_out: tuple[str, ...]
+    probability: Floats
+    moved_kg: Floats
+    response_kg: Floats
+    widened: Floats
+
+    @classmethod
+    def of(
+        cls, fit: PriorFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
+    ) -> Self | None:
+        """Weigh the choices by a fit that has all drifts; None where it has none.
+
+        Args:
+            fit: masses, friction and terms.
+            masses: how many masses there are.
+            terms: the nuisances.
+            prior_std: (terms,) widths of their priors, whose means are 0.
+        """
+        own = [place for place, term in enumerate(terms) if term.name in DRIFTS]
+        if not own or not np.isfinite(fit.covariance).all():
+            return None
+        at, variance = masses + 1 + np.array(own), prior_std[own] ** 2
+        found, covariance = fit.theta[at], fit.covariance[np.ix_(at, at)]
+        precision = np.linalg.inv(covariance)
+        squares, vectors = np.linalg.eigh(precision - np.diag(1.0 / variance))
+        information = (vectors * np.maximum(squares, 0.0)) @ vectors.T
+        choices = [
+            _choice(np.array(kept), information, precision @ found, variance)
+            for kept in product((False, True), repeat=len(own))
+        ]
+        evidence = np.array([choice[0] for choice in choices])
+        probability = np.exp(evidence - evidence.max())
+        probability /= probability.sum()
+        best = int(np.argmax(probability))
+        response = fit.covariance[:masses, at] @ precision
+        _, kept, mean, spread = choices[best]
+        others = [choice for number, choice in enumerate(choices) if number != best]
+        return cls(
+            tuple(terms[place].name for place, has in zip(own, kept, strict=True) if not has),
+            np.delete(probability, best),
+            np.stack([response @ (other[2] - mean) for other in others]),
+            response,
+            np.stack([other[3] - spread for other in others]),
+        )
+
+    def narrowed(self, priors: PriorSettings) -> PriorSettings:
+        """The priors of a fit without the drifts that are left out."""
+        keys = [DRIFTS[name] for name in self.left_out]
+        return priors.model_copy(update={key: _NARROW * getattr(priors, key) for key in keys})
+
+    def doubt_kg(self, weights: Floats) -> float:
+        """What the other choices do to a sum of masses, in kg (law of total variance).
+
+        Args:
+            weights: (masses,) of each mass in the sum.
+        """
+        moved, by_drift = self.moved_kg @ weights, weights @ self.response_kg
+        wider = np.einsum("i,cij,j->c", by_drift, self.widened, by_drift)
+        return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
+
+
+def _choice(
+    kept: np.ndarray, information: Floats, scores: Floats, variance: Floats
+) -> tuple[float, np.ndarray, Floats, Floats]:
+    """Logarithm of the evidence of a choice of drifts, the choice, their mean and covariance.
+
+    Args:
+        kept: (drifts,) those that it has.
+        information: (drifts, drifts) that the log has about them.
+        scores: (drifts,) information times what the log says of them.
+        variance: (drifts,) of their priors.
+    """
+    mean, covariance = np.zeros(kept.size), np.zeros((kept.size, kept.size))
+    own = np.flatnonzero(kept)
+    before = own.size * np.log(_BEFORE) + (kept.size - own.size) * np.log1p(-_BEFORE)
+    if not own.size:
+        return float(before), kept, mean, covariance
+    inside = np.ix_(own, own)
+    inner = np.linalg.inv(information[inside] + np.diag(1.0 / variance[own]))
+    mean[own], covariance[inside] = inner @ scores[own], inner
+    sized = np.linalg.slogdet(np.eye(own.size) + variance[own][:, None] * information[inside])[1]
+    return float(before - sized / 2.0 + scores[own] @ mean[own] / 2.0), kept, mean, covariance
