@@ -204,6 +204,12 @@ class PriorSettings(BaseModel):
         0.01, gt=0, description="prior of the change of the force's gain over the log, as a share"
     )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
+    gain_by_load: float = Field(
+        0.1,
+        gt=0,
+        description="prior of that gain's change for a load as heavy as the machine: a body that "
+        "squats under its load",
+    )
     speed_delay_s: float = Field(
         0.02, gt=0, description="prior of the speed's delay behind the accelerometer"
     )

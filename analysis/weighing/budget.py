@@ -60,6 +60,11 @@ _PARTS: Final = {
         "drifts of gain or friction that the log neither shows nor rules out",
         "loads that come back: empty, loaded, empty; a machine that is warm",
     ),
+    "squat": _FitPart(
+        "common",
+        "a body that squats more with its load, whose accelerometer sees gravity through it",
+        "more starts with each load on even ground; a stiffly mounted accelerometer",
+    ),
     "misfit": _FitPart(
         "common",
         "what every start has in common and the model misses",

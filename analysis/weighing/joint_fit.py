@@ -19,6 +19,7 @@ from analysis.weighing.nuisances import (
     weight_in_const,
     weight_in_direction,
 )
+from analysis.weighing.squat import find_squat
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators import prior_fit
 from estimators.prior_fit import Grouping
@@ -160,6 +161,7 @@ def again(
         lag_shape_kg=found.lag_shape_kg,
         averaging_share=found.averaging_share,
         drifts=found.drifts,
+        squat=found.squat,
     )
 
 
@@ -173,6 +175,18 @@ def with_likely_drifts(
     narrowed = likely.narrowed(priors)
     fitted = again(found, noise, narrowed, rounds=2) if likely.left_out else found
     return replace(fitted, drifts=likely), narrowed
+
+
+def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
+    """Look for an accelerometer whose gain changes with the load."""
+    wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
+    if wheels is None or loads is None or states is None or not wheels.goes_together:
+        return found
+    if not found.motion.by_accelerometer:
+        return found
+    first = np.unique(states.of, return_index=True)[1]
+    squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
+    return replace(found, squat=squat)
 
 
 def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:

@@ -11,6 +11,7 @@ from analysis.weighing.drifts import LikelyDrifts
 from analysis.weighing.equation import Equation, Floats
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.squat import Squat
 from analysis.weighing.states import States
 from estimators.prior_fit import PriorFit
 
@@ -76,6 +77,7 @@ class JointFit:
         prior_means: and their uncertainty.
         by_motion: what an error of the motion does; None where level ground is taken for granted.
         drifts: which the log has, and what others would change; None where it can have none.
+        squat: the accelerometer's gain by load; None where nothing tells it, or nothing needs it.
     """
 
     terms: tuple[Nuisance, ...]
@@ -93,6 +95,7 @@ class JointFit:
     averaging_share: float = 0.0
     by_motion: MotionResponses | None = None
     drifts: LikelyDrifts | None = None
+    squat: Squat | None = None
 
     @cached_property
     def fit(self) -> PriorFit:
@@ -173,6 +176,7 @@ class JointFit:
             "scatter": root(fit.scatter),
             "other_reading": 0.0 if self.states is None else self.states.other_reading_kg(weights),
             "other_drifts": 0.0 if self.drifts is None else self.drifts.doubt_kg(weights),
+            "squat": 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg),
             "misfit": root(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
@@ -248,14 +252,15 @@ class JointFit:
 
     @cached_property
     def masses_kg(self) -> Floats:
-        """(masses,), what the speed's delay and the accelerometer's gain do to them taken off."""
+        """(masses,), what the speed's delay and the accelerometer's gains do to them taken off."""
         late, gain, wheels = 0.0, 0.0, self.kinematics
         if wheels is not None and wheels.goes_together and self.motion.by_accelerometer:
             late = wheels.delay_s[0] - self.found.speed_late_s
         if wheels is not None and self.corrects_gain:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.count]
-        return (masses - max(self.viscous, 0.0) * late) / (1.0 + gain)
+        by_load = 1.0 if self.squat is None else self.squat.factor
+        return (masses - max(self.viscous, 0.0) * late) / (1.0 + gain) / by_load
 
     @property
     def mass_kg(self) -> float:

@@ -18,6 +18,7 @@ from analysis.weighing.joint_fit import (
     joint_fit,
     with_likely_drifts,
     with_responses,
+    with_squat,
     with_states,
 )
 from analysis.weighing.joint_result import JointFit
@@ -169,6 +170,7 @@ def weigh(
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
     fit, priors = with_likely_drifts(fit, columns, priors)
+    fit = with_squat(fit, priors)
     fit = with_responses(fit, columns, priors)
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
     return Weighing(
