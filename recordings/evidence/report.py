@@ -70,7 +70,10 @@ def report_pdf(html: str, path: Path) -> str:
         return "no PDF: WeasyPrint is not installed (pip install 'payscope[pdf]')"
     except OSError as error:
         missing = str(error).splitlines()[0]
-        return f"no PDF: WeasyPrint lacks a system library ({missing}); on Debian libpangoft2-1.0-0"
+        return (
+            f"no PDF: WeasyPrint lacks a system library ({missing}); "
+            "on Debian libpangoft2-1.0-0, libharfbuzz-subset0"
+        )
     HTML(string=html, url_fetcher=_fetch_nothing).write_pdf(path)
     return ""
 

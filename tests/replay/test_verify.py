@@ -5,8 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +20,13 @@ from replay.calibrate import calibrate
 from replay.verify import verify
 from tests.conftest import REPO
 from tests.replay.attacker import Bundle, sign_with_own_key, tampered
+from tests.replay.fewer_rights import obeying_modes, of_another_user, readable_folder
 from tests.replay.made_evidence import Made, items
 from tests.replay.sledge_campaign import campaign_folder
 from tests.replay.tamperings import TAMPERINGS
 
 TAMPERED, IRREPRODUCIBLE = BundleOutcome.TAMPERED, BundleOutcome.IRREPRODUCIBLE
 INCOMPLETE = BundleOutcome.INCOMPLETE
-#: The user and group that own nothing.
-NOBODY = 65534
 
 
 def test_a_key_in_the_signers_place_is_found_by_the_key_given(made: Made, tmp_path: Path) -> None:
@@ -127,17 +124,19 @@ def test_readings_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_p
 
 
 def verified_elsewhere(
-    made: Made, folder: Path, variables: dict[str, str], **user: Any
+    made: Made, folder: Path, *before: str, variables: dict[str, str], **user: Any
 ) -> subprocess.CompletedProcess[str]:
-    """`payscope verify` of copies in a folder, from there, as a program of its own."""
+    """`payscope verify` of copies in a folder that it may only read, as a program of its own."""
     for source in (made.bundle, made.first, made.public):
         copy = shutil.copy if source.is_file() else shutil.copytree
         copy(source, folder / source.name)
     home = folder / "home"
-    home.mkdir()
-    return subprocess.run(
+    home.mkdir(mode=0o555)
+    folder.chmod(0o555)
+    left = subprocess.run(
         [
-            *(sys.executable, "-P", "-c", "from replay.commands.cli import main; main()"),
+            *(*before, sys.executable, "-P", "-c"),
+            "from replay.commands.cli import main; main()",
             *("verify", made.bundle.name, "--key", made.public.name),
             *("--previous", made.first.name),
         ],
@@ -148,6 +147,8 @@ def verified_elsewhere(
         check=False,
         **user,
     )
+    folder.chmod(0o755)
+    return left
 
 
 @pytest.mark.parametrize(
@@ -158,36 +159,16 @@ def test_it_verifies_in_another_folder_time_zone_and_locale(
 ) -> None:
     folder = tmp_path / "another place, ö"
     folder.mkdir()
-    left = verified_elsewhere(made, folder, variables)
+    left = verified_elsewhere(made, folder, *obeying_modes(), variables=variables)
     assert left.returncode == 0, left.stdout + left.stderr
 
 
-@pytest.fixture
-def of_nobody() -> Iterator[Path]:
-    """A folder that another user may read, and not write to."""
-    if not hasattr(os, "geteuid") or os.geteuid() != 0:
-        pytest.skip("another user: only root may become one")
-    asked = [sys.executable, "-c", f"import os; os.listdir({str(REPO)!r}); import polars"]
-    if subprocess.run(asked, user=NOBODY, group=NOBODY, check=False).returncode:
-        pytest.skip("another user: it may not read this interpreter or these sources")
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        folder.chmod(0o755)
-        yield folder
-
-
-def test_it_verifies_as_another_user_who_may_only_read_it(made: Made, of_nobody: Path) -> None:
-    left = verified_elsewhere(
-        made,
-        of_nobody,
-        {"TZ": "America/St_Johns", "LC_ALL": "de_DE.UTF-8"},
-        user=NOBODY,
-        group=NOBODY,
-        extra_groups=[],
-        umask=0o077,
-    )
+def test_it_verifies_as_another_user_who_may_only_read_it(made: Made) -> None:
+    user = of_another_user()
+    with readable_folder() as folder:
+        variables = {"TZ": "America/St_Johns", "LC_ALL": "de_DE.UTF-8"}
+        left = verified_elsewhere(made, folder, variables=variables, **user)
     assert left.returncode == 0, left.stdout + left.stderr
-    assert not list((of_nobody / "home").iterdir())
 
 
 def test_priors_that_the_logs_do_not_give_are_irreproducible(made: Made, tmp_path: Path) -> None:
