@@ -4,11 +4,12 @@
                                      [--json FILE] [--read FILE] [--write]
 
 Every trial is a line of `--json` as it comes; `--minutes` ends the campaign at the seed that it has
-reached. `--write` puts the tables into docs/findings.md, with the digest of the code they are of.
+reached. `--write` puts the tables into docs/findings.md, with the commit and the day they are of.
 """
 
-import hashlib
+import datetime as dt
 import json
+import subprocess
 import time
 import traceback
 from collections.abc import Iterator
@@ -34,8 +35,6 @@ from benchmarks.page import put
 from estimators.errors import PayscopeError
 
 _REPO = Path(__file__).resolve().parent.parent
-#: What the tables depend on, of which a change makes them old.
-SOURCES = ("analysis/findings", "analysis/diagnosis", "analysis/simulation/faults.py")
 FAILS = (PayscopeError, ArithmeticError, LookupError, ValueError)
 #: Seeds a fault from which shares say how often something holds.
 ENOUGH = 50
@@ -43,15 +42,17 @@ ENOUGH = 50
 PAIRS = 4
 
 
-def code_digest() -> str:
-    """SHA-256 of the sources of findings, checks and faults, as git would see their text."""
-    digest = hashlib.sha256()
-    for name in SOURCES:
-        path = _REPO / name
-        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            digest.update(file.relative_to(_REPO).as_posix().encode() + b"\0")
-            digest.update(file.read_bytes().replace(b"\r\n", b"\n") + b"\0")
-    return digest.hexdigest()
+def of_commit() -> dict[str, Any]:
+    """The commit that is measured, `-dirty` where files differ from it, and the day."""
+    said = subprocess.run(
+        ["git", "describe", "--always", "--dirty", "--exclude=*"],
+        cwd=_REPO,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    day = dt.datetime.now(dt.UTC).date().isoformat()
+    return {"kind": "commit", "commit": said.stdout.strip(), "day": day}
 
 
 def of_seed(seed: int) -> Iterator[dict[str, Any]]:
@@ -92,6 +93,7 @@ def of_clean_seed(seed: int) -> dict[str, Any]:
 def measured(seeds: int, clean: int, first: int, minutes: float) -> Iterator[dict[str, Any]]:
     """Everything, seed by seed, so that whatever is done is done of all faults alike."""
     began = time.monotonic()
+    yield of_commit()
     for number in range(seeds):
         if time.monotonic() - began > 60.0 * minutes:
             return
@@ -122,6 +124,9 @@ def shown(rows: list[dict[str, Any]], *, write: bool) -> None:
     clean = [(row["seed"], row["odd"], tuple(row["names"])) for row in of("clean")]
     late = [DelayTrial(**row) for row in of("delay")]
     seeds = len({t.seed for t in trials})
+    measured_with = ", ".join(
+        dict.fromkeys(f"`{row['commit']}` on {row['day']}" for row in of("commit"))
+    )
     few = "" if seeds >= ENOUGH else f"**Fewer seeds than {ENOUGH}: no rate is shown by them.** "
     counted = (
         f"{few}{seeds} seeds a fault, {len(trials)} trials with one fault (of a fault without a "
@@ -129,7 +134,7 @@ def shown(rows: list[dict[str, Any]], *, write: bool) -> None:
         f"{len(pairs)} with two, {len(clean)} with none, {len(late)} of delays; "
         f"{len(every) - len(trials)} logs are left out since no size of their fault bends the mass "
         f"as much as asked, within a factor of two; {len(of('error'))} could not be driven."
-        f"\n\nCode: `{code_digest()}`"
+        f"\n\nMeasured with commit {measured_with}."
     )
     parts = {
         "findings counted": counted,

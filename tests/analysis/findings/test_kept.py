@@ -1,0 +1,42 @@
+"""Findings are those that are kept, until somebody keeps others."""
+
+import pytest
+
+from tests.analysis.findings.kept import ALIKE_1, SIZES, UPDATE, differences, findings, read_kept
+
+LOG = "machine 9, force late, size 3"
+
+
+@pytest.mark.parametrize("seed", SIZES)
+def test_faults_are_found_as_they_are_kept(seed: int) -> None:
+    found = list(differences(read_kept(seed), findings(seed)))
+    assert not found, "\n".join(
+        ["kept (-) and found now (+):", *found, f"if that is meant, keep it: {UPDATE}"]
+    )
+
+
+def test_kilograms_that_hardly_move_are_no_difference() -> None:
+    kept = {LOG: [("delay", 100.0, 10.0)]}
+    assert not list(differences(kept, {LOG: [("delay", 100.0 + 9.0 * ALIKE_1, 10.0)]}))
+    moved = list(differences(kept, {LOG: [("delay", 100.0 + 11.0 * ALIKE_1, 10.0)]}))
+    assert moved == [LOG, "  - delay +100 ± 10 kg", "  + delay +101 ± 10 kg"]
+
+
+def test_other_causes_or_another_order_are_a_difference() -> None:
+    kept = {LOG: [("delay", None, None), ("gaps", None, None)]}
+    assert list(differences(kept, {LOG: kept[LOG][::-1]}))
+    assert list(differences(kept, {LOG: kept[LOG][:1]}))
+    assert list(differences(kept, {LOG: [("slip or delay", None, None), kept[LOG][1]]}))
+    assert list(differences(kept, {LOG: [("delay", 1.0, 1.0), kept[LOG][1]]}))
+
+
+def test_who_else_is_of_a_class_is_no_difference() -> None:
+    kept = {LOG: [("delay or slip", None, None)]}
+    for causes in ("delay", "slip or delay", "delay or coulomb or slip"):
+        assert not list(differences(kept, {LOG: [(causes, None, None)]}))
+
+
+def test_a_log_that_is_new_or_gone_is_a_difference() -> None:
+    kept = {LOG: [("delay", None, None)]}
+    assert list(differences({}, kept)) == [LOG, "  + delay"]
+    assert list(differences(kept, {})) == [LOG, "  - delay"]
