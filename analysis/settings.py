@@ -183,6 +183,11 @@ class PriorSettings(BaseModel):
     const_weight_share: float = Field(
         0.01, gt=0, description="and as a share of the machine's weight, both added in quadrature"
     )
+    sag_weight_share: float = Field(
+        0.03,
+        gt=0,
+        description="prior of the slope by which a body sags under a load as heavy as itself",
+    )
     lag_s: float = Field(0.02, gt=0, description="prior of the force's delay")
     lag_drift_s: float = Field(0.01, gt=0, description="prior of that delay's change over the log")
     quadratic_share: float = Field(
@@ -201,7 +206,7 @@ class PriorSettings(BaseModel):
         "at top speed",
     )
     gain_drift: float = Field(
-        0.01, gt=0, description="prior of the change of the force's gain over the log, as a share"
+        0.03, gt=0, description="prior of the change of the force's gain over the log, as a share"
     )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
     gain_by_load: float = Field(

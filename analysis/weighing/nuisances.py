@@ -173,6 +173,12 @@ def weight_in_direction(motion: Equation, priors: PriorSettings) -> WeightShare:
     )
 
 
+def weight_const_width(motion: Equation, priors: PriorSettings) -> float:
+    """Standard deviation of `weight_const`'s prior, in N: how it splits, and a body that sags."""
+    sags = priors.sag_weight_share * motion.weight
+    return float(np.hypot(weight_in_const(motion, priors).std_N, sags))
+
+
 #: In the order of the fit's parameters; a fit has those that apply to its log.
 NUISANCES: Final = (
     Nuisance(
@@ -214,7 +220,8 @@ NUISANCES: Final = (
         "slip_acceleration",
         "kg/N",
         lambda m: (
-            -np.sign(m.speed) * m.wheel_acceleration * m.force - np.abs(m.speed) * m.force_rate
+            -(1.0 + m.relative_load)
+            * (np.sign(m.speed) * m.wheel_acceleration * m.force + np.abs(m.speed) * m.force_rate)
         ),
         lambda e, s: e.about_kg * s.wheel_slip / e.largest_force,
         "longitudinal slip: wheels gain speed that the machine does not",
@@ -287,7 +294,7 @@ NUISANCES: Final = (
         "weight_const",
         "N",
         lambda m: m.relative_load,
-        lambda e, s: weight_in_const(e, s).std_N,
+        weight_const_width,
         "what of the constant force is in proportion to the weight with its load (tilt or bias of "
         "the accelerometer, slope), beside what is expected of it",
         "starts at different throttles with each load; an accelerometer that is zeroed",
