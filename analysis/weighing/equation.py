@@ -95,6 +95,7 @@ class Equation:
         force_share: of the measured wheels.
         weight: of the machine without load, in N; of what this log says where it is not known.
         arms: angles of boom and bucket in rad, those that the log has: hints of a change of load.
+        digs: which samples are of a start that digs, where that is known: it fills the bucket.
     """
 
     acceleration: Floats
@@ -111,6 +112,7 @@ class Equation:
     force_share: float
     weight: float
     arms: tuple[Floats, ...] = ()
+    digs: Bools | None = None
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -143,6 +145,7 @@ class Equation:
             without_gravity=None if level is None else level[cut],
             progress=self.progress[cut],
             arms=tuple(each[cut] for each in self.arms),
+            digs=None if self.digs is None else self.digs[cut],
         )
 
     @cached_property
@@ -219,7 +222,7 @@ def equation(
     """Take the columns of the manoeuvres that the gate found informative.
 
     Args:
-        aligned: the grid, before the moving mean.
+        aligned: the grid, before the moving mean, with `digs` where that was looked for.
         excitation: the phases of motion.
         gated: which windows are accepted.
         machine: wheels, settings.
@@ -266,6 +269,7 @@ def equation(
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
+        aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
     )
 
 
