@@ -37,8 +37,13 @@ _MOMENT_S: Final = 0.25
 _STILL_DRIVES: Final = 0.4
 #: Who drives for longer is on the way somewhere.
 _LONGEST_S: Final = 15.0
-#: A start of fewer samples tells nothing.
+#: A start of fewer samples tells nothing,
 _FEWEST: Final = 60
+#: and one of less, in s, is a move of a moment: no bucket fills in it.
+_SHORTEST_S: Final = 1.3
+#: A resistance cannot grow by much more than the force that the log drives with: the machine's
+#: momentum adds a little. This is the largest growth of a start that digs, as a share of that force.
+_GROWS_MOST: Final = 1.5
 #: The mass of machine and load is this times the empty machine's, within this share of it,
 _HEAVIER: Final = 1.1
 _MASS_WIDTH: Final = 0.15
@@ -97,7 +102,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
                 widths,
                 _MISFIT * largest_N,
             )
-            if grown_N > max(_GROWS * largest_N, SURELY * std_N):
+            if max(_GROWS * largest_N, SURELY * std_N) < grown_N < _GROWS_MOST * largest_N:
                 found.append((int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N))
     names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
     columns = zip(*found, strict=True) if found else ([],) * len(names)
@@ -117,13 +122,8 @@ def without_digging(
     """
     if digs.is_empty():
         return gated
-    t_ns = excitation["t_ns"].to_numpy()
-    dug = np.zeros(t_ns.size, np.bool_)
     # the phase sees a start late, and its end
-    margin = span_rows(machine.settings)
-    for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():
-        first, last = np.searchsorted(t_ns, [start, end])
-        dug[max(first - margin, 0) : last + margin + 1] = True
+    dug = _dug(excitation["t_ns"].to_numpy(), digs, span_rows(machine.settings))
     refused = pl.Series(windows_with(dug, machine.settings.gate.window_samples))
     accepted = pl.col("accepted_x")
     reason = (
@@ -132,6 +132,20 @@ def without_digging(
         .otherwise(pl.col("reason_x").cast(pl.String))
     )
     return gated.with_columns(accepted_x=accepted & ~refused, reason_x=reason.cast(REASON))
+
+
+def with_digs(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:
+    """The grid with `digs`, whether each sample is of a start that digs."""
+    return aligned.with_columns(digs=pl.Series(_dug(aligned["t_ns"].to_numpy(), digs)))
+
+
+def _dug(t_ns: Ints, digs: pl.DataFrame, margin: int = 0) -> Bools:
+    """Which samples are of a start that digs, or so many beside one, (n,)."""
+    dug = np.zeros(t_ns.size, np.bool_)
+    for start, end in digs.select("start_t_ns", "end_t_ns").iter_rows():
+        first, last = np.searchsorted(t_ns, [start, end])
+        dug[max(first - margin, 0) : last + margin + 1] = True
+    return dug
 
 
 def _largest(values: Floats) -> float:
@@ -146,7 +160,8 @@ def _starts(driving: Bools, speed: Floats, settings: Settings) -> list[Ints]:
     turns = np.diff(np.sign(speed[rows])) != 0
     parts = np.split(rows, np.flatnonzero((np.diff(rows) > hole) | turns) + 1)
     longest = round(_LONGEST_S * settings.align.rate_hz)
-    return [part for part in parts if _FEWEST <= part.size <= longest]
+    fewest = max(_FEWEST, round(_SHORTEST_S * settings.align.rate_hz))
+    return [part for part in parts if fewest <= part.size <= longest]
 
 
 def _growth(

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.estimate import Floats, Ints
 from estimators.optimal_partition import optimal_partition
 from estimators.partition_posterior import Partition, PartitionPosterior
-from estimators.units import Units
+from estimators.units import FILLED, HINTED, Units
 
 #: Scatter that is tried, over the units' own deviation, where it is not known.
 _SCATTERS: Final = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0, 50.0)
@@ -65,12 +66,16 @@ def partitions(
     typical = float(np.sqrt(np.median(units.variance)))
     scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
+    # with many changes, effects that one level needs hide them from every search that begins there
+    hinted = [
+        np.append(0, np.cumsum(units.kind >= least)) for least in (HINTED, FILLED) if n > 1
+    ]
     noise_alone = PartitionPosterior(units, spread, 0.0, None)
     begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]
     found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}
     for tau in scatters:
         posterior = PartitionPosterior(units, spread, tau, usual if scatter is None else None)
-        tried = {one.tobytes(), each_own.tobytes()}
+        tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
             tried |= _candidates(posterior, effects)
         for key in tried:
@@ -117,7 +122,10 @@ def _joined(state: Ints, at: Ints) -> Ints:
 def _candidates(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     """Partitions that may be the most probable, from these effects on."""
     units, spread = posterior.units, posterior.spread
-    tried = {_two_levels(units.y - units.x @ effects, posterior.variance, units.kind).tobytes()}
+    level = units.y - units.x @ effects
+    tried = {_two_levels(level, posterior.variance, units.kind).tobytes()}
+    if np.count_nonzero(units.kind >= FILLED) > 1:
+        tried.add(_emptied_between(level, posterior.variance, units.kind).tobytes())
     for probability in _CANDIDATES:
         for window in _WINDOWS:
             tried |= _alternated(posterior, window * spread, probability, effects)
@@ -157,3 +165,34 @@ def _two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
     between = first**2 / below + (whole - first) ** 2 / (total - below)
     heavy = level > level[order[int(np.argmax(between))]]
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
+
+
+def _emptied_between(level: Floats, variance: Floats, kind: Ints) -> Ints:
+    """The states of two levels, the heavy one after each filling, until the light one fits better.
+
+    Args:
+        level: (n,) of each unit, at given effects.
+        variance: (n,) of each.
+        kind: (n - 1,) of each boundary.
+    """
+    weight = 1.0 / variance
+    part = np.append(0, np.cumsum(kind >= FILLED))
+    first = np.flatnonzero(np.append(True, np.diff(part) > 0))
+    size = np.diff(np.append(first, level.size))
+    # at first each is emptied halfway; what comes before the first filling is light
+    heavy = (np.arange(level.size) - first[part] < size[part] / 2.0) & (part > 0)
+    for _ in range(_ROUNDS):
+        if heavy.all() or not heavy.any():
+            break
+        low, high = (np.average(level[each], weights=weight[each]) for each in (~heavy, heavy))
+        gain = weight * ((level - low) ** 2 - (level - high) ** 2)
+        before = heavy
+        heavy = np.concatenate([_heavy_until(each) for each in np.split(gain, first[1:])])
+        if np.array_equal(heavy, before):
+            break
+    return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
+
+
+def _heavy_until(gain: Floats) -> NDArray[np.bool_]:
+    """Which of a stretch's units are heavy: up to where their gains add up to most."""
+    return np.arange(gain.size) < int(np.argmax(np.append(0.0, np.cumsum(gain))))

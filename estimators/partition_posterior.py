@@ -18,14 +18,18 @@ from scipy.linalg.lapack import dposv
 from scipy.special import betaln
 
 from estimators.estimate import Floats, Ints
-from estimators.units import Units
+from estimators.units import FILLED, HINTED, Units
 
 #: How far levels are apart, as standard deviations over their spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
 _HALF: Final = float(np.log(0.5))
 _THIRD: Final = float(np.log(1.0 / 3.0))
-#: How likely what tells a change (a boom that moves) has nothing to do with it in this series.
-_TELLS_NOTHING: Final = 0.25
+#: How likely what tells a change has nothing to do with it in this series, by the boundary's kind:
+#: a boom also moves for other reasons, a bucket that fills does not.
+_TELLS_NOTHING: Final = {HINTED: 0.25, FILLED: 0.02}
+#: The rate of changes where something tells them has a density of p to this power: half of the
+#: booms' moves change the load or more, of fillings nine in ten.
+_RATE_POWER: Final = {HINTED: 1.0, FILLED: 9.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,9 +187,11 @@ def _log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
     for each in np.unique(kind[kind > 0]):
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
         if each > 1:
-            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
-            by_rate = float(betaln(used + 2, places - used + 1)) - _HALF + np.log1p(-_TELLS_NOTHING)
-            total += by_rate if used else float(np.logaddexp(by_rate, np.log(_TELLS_NOTHING)))
+            # ∫ (r + 1) pʳ pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what is seen there tells nothing
+            power, nothing = _RATE_POWER[int(each)], _TELLS_NOTHING[int(each)]
+            by_rate = float(betaln(used + power + 1.0, places - used + 1))
+            by_rate += float(np.log(power + 1.0) + np.log1p(-nothing))
+            total += by_rate if used else float(np.logaddexp(by_rate, np.log(nothing)))
         elif used:
             # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
             total += float(betaln(used + 1, places - used + 1)) + _HALF

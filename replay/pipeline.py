@@ -14,7 +14,7 @@ from analysis.cycles.cycles import cycles
 from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
-from analysis.digging import digging, without_digging
+from analysis.digging import digging, with_digs, without_digging
 from analysis.findings import Case, beginning, behind, findings
 from analysis.forces import forces
 from analysis.gate import gate
@@ -149,7 +149,7 @@ def _judged(
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
     on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
-    weighing = weigh(aligned, excitation, gated, noise, machine)
+    weighing = weigh(with_digs(aligned, digs), excitation, gated, noise, machine)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
     estimates = trace(excitation, gated, settings, noise, changes(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this

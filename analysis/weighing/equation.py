@@ -96,6 +96,7 @@ class Equation:
         force_share: of the measured wheels.
         weight: of the machine without load, in N; of what this log says where it is not known.
         arms: angles of boom and bucket in rad, those that the log has: hints of a change of load.
+        digs: which samples are of a start that digs, where that is known: it fills the bucket.
     """
 
     acceleration: Floats
@@ -113,6 +114,7 @@ class Equation:
     force_share: float
     weight: float
     arms: tuple[Floats, ...] = ()
+    digs: Bools | None = None
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -147,6 +149,7 @@ class Equation:
             wheel_acceleration=None if wheels is None else wheels[cut],
             progress=self.progress[cut],
             arms=tuple(each[cut] for each in self.arms),
+            digs=None if self.digs is None else self.digs[cut],
         )
 
     @cached_property
@@ -228,7 +231,7 @@ def equation(
     """Take the columns of the manoeuvres that the gate found informative.
 
     Args:
-        aligned: the grid, before the moving mean.
+        aligned: the grid, before the moving mean, with `digs` where that was looked for.
         excitation: the phases of motion.
         gated: which windows are accepted.
         machine: wheels, settings.
@@ -276,6 +279,7 @@ def equation(
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
+        aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
     )
 
 

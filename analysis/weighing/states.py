@@ -13,7 +13,7 @@ from analysis.weighing.equation import Equation, Floats, Ints, begins
 from estimators.changepoints import Partitions, partitions
 from estimators.levels import Levels
 from estimators.partition_posterior import Partition
-from estimators.units import Units
+from estimators.units import FILLED, HINTED, Units
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
@@ -165,16 +165,21 @@ def places(motion: Equation) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
-        1 where only the masses can, 2 where the boom or the bucket moved as well.
+        1 where only the masses can, `HINTED` where the boom or the bucket moved as well, `FILLED`
+        where the machine dug.
     """
     used = np.flatnonzero(motion.used)
     next_one = np.flatnonzero(np.diff(sample_units(motion)) > 0)
     between = zip(used[next_one], used[next_one + 1], strict=True)
-    moved = [
-        any(_range(arm[end : begin + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
-        for end, begin in between
-    ]
-    return 1 + np.array(moved, np.int64)
+    return np.array([_place(motion, slice(end, begin + 1)) for end, begin in between], np.int64)
+
+
+def _place(motion: Equation, samples: slice) -> int:
+    """What tells a change of load between two manoeuvres, of the samples from one to the other."""
+    if motion.digs is not None and motion.digs[samples].any():
+        return FILLED
+    moved = any(_range(arm[samples]) > _ARM_MOVES_RAD for arm in motion.arms)
+    return HINTED if moved else 1
 
 
 def _range(x: Floats) -> float:

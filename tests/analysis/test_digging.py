@@ -34,6 +34,7 @@ def starts(
     constant_N: float,
     piles_N: list[float],
     free_s: float = 0.0,
+    lasts_s: float = 4.0,
 ) -> pl.DataFrame:
     """One start a mass, its force what the equation asks for, and a pile's resistance on top.
 
@@ -42,9 +43,9 @@ def starts(
     parts: list[pl.DataFrame] = []
     random = np.random.default_rng(1)
     for mass, pile in zip(masses_kg, piles_N, strict=True):
-        t = np.arange(0.0, 4.0, 1.0 / RATE_HZ)
+        t = np.arange(0.0, lasts_s, 1.0 / RATE_HZ)
         acceleration = 1.5 * np.exp(-t / 1.2)
-        pile_N = pile * np.maximum(t - free_s, 0.0) / (4.0 - free_s)
+        pile_N = pile * np.maximum(t - free_s, 0.0) / (lasts_s - free_s)
         if pile:
             acceleration = against_a_pile(mass, friction_N_s_m, constant_N, pile_N)
         speed = np.cumsum(acceleration) / RATE_HZ
@@ -91,6 +92,26 @@ def test_a_pile_that_is_met_at_speed_and_slows_the_machine_down_is_told(
     frame = starts([mass] * 3, friction, constant, [pile] * 3, free_s)
     assert "braking" in frame["phase"].unique()
     assert digging(frame, MACHINE).height == 3
+
+
+@given(st.floats(3000.0, 6000.0))
+def test_a_move_of_a_second_digs_nowhere_however_its_force_grows(growth: float) -> None:
+    frame = starts([3600.0] * 3, 400.0, 150.0, [growth] * 3, lasts_s=1.1)
+    assert digging(frame, MACHINE).is_empty()
+
+
+def test_what_grows_by_more_than_the_machine_can_drive_with_is_no_pile() -> None:
+    frame = starts([3600.0] * 12, 400.0, 150.0, [0.0] * 12)
+    driving, t_s = pl.col("phase") != "standstill", pl.col("t_ns") / 1e9 % 7.0
+    # a speed that falls while the force stays small: no pile does that
+    pushed = pl.when(driving & (t_s > 3.0)).then(15_000.0 * (t_s - 3.0) / 4.0).otherwise(0.0)
+    second = (pl.col("t_ns") / 1e9).is_between(7.0, 14.0)
+    odd = frame.with_columns(
+        regressor_acc_x_m_s2=pl.when(second)
+        .then(pl.col("regressor_acc_x_m_s2") - pushed / 3600.0)
+        .otherwise("regressor_acc_x_m_s2")
+    )
+    assert digging(odd, MACHINE).is_empty()
 
 
 def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() -> None:
