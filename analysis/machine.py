@@ -48,6 +48,8 @@ class Body(BaseModel):
     track_width_u_m: float | None = Field(None, ge=0)
     force_share: float = Field(1.0, gt=0, le=1)
     force_share_u: float | None = Field(None, ge=0)
+    #: Of the share's relative change under a load as heavy as the machine.
+    force_share_by_load_u: float | None = Field(None, ge=0)
     force_gain_u: float | None = Field(None, ge=0)
     rotating_mass_kg: float = Field(0.0, ge=0)
     rotating_mass_u_kg: float = Field(0.0, ge=0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.machine import Machine
 from analysis.weighing.equation import Floats
-from analysis.weighing.joint_result import root_sum_of_squares
+from analysis.weighing.joint_result import JointFit, root_sum_of_squares
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
@@ -119,13 +119,24 @@ _PARTS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """A factor of the force that the machine file states."""
+    """A factor of the force that the machine file states.
+
+    Attributes:
+        name: of the source.
+        applies: whether the machine has it.
+        relative: its relative standard uncertainty; None where the machine file does not say.
+        setting: the key that says it.
+        meaning: what it is.
+        by_load: whether the factor changes with the load: then the uncertainty is that of a load as
+            heavy as the machine.
+    """
 
     name: str
     applies: Callable[[Machine], bool]
     relative: Callable[[Machine], float | None]
     setting: str
     meaning: str
+    by_load: bool = False
 
 
 def _by_torque(machine: Machine) -> bool:
@@ -159,6 +170,14 @@ _SCALES: Final = (
         "machine.force_share_u",
         "share of the force on the measured wheels",
     ),
+    _Scale(
+        "force_share_by_load",
+        lambda machine: machine.machine.force_share < 1.0,
+        lambda machine: machine.machine.force_share_by_load_u,
+        "machine.force_share_by_load_u",
+        "change of the measured wheels' share with the load that they carry",
+        by_load=True,
+    ),
     _Scale("wheel_radius", _by_torque, _radius, "machine.wheel_radius_u_m", "radius of the wheels"),
 )
 
@@ -173,6 +192,7 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     """
     fit, body = weighing.fit, machine.machine
     sum_kg = abs(float(weights @ fit.masses_kg))
+    loaded_kg = abs(float(weights @ (fit.masses_kg * _relative_loads(fit, machine))))
     priors = {term.name: term for term in NUISANCES}
     sources: list[UncertaintySource] = []
     parts_kg = fit.parts_kg(weights)
@@ -190,7 +210,9 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
                 UncertaintySource(
                     scale.name,
                     "scale",
-                    None if relative is None else relative * sum_kg,
+                    None
+                    if relative is None
+                    else relative * (loaded_kg if scale.by_load else sum_kg),
                     scale.meaning,
                     f"known loads; {scale.setting} states what is known",
                 )
@@ -208,6 +230,15 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
             )
         )
     return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
+
+
+def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
+    """(masses,) load of each state over the empty machine, or over the lightest state."""
+    body = machine.machine
+    empty_kg = float(np.min(fit.masses_kg))
+    if body.empty_mass_kg is not None:
+        empty_kg = body.empty_mass_kg + body.rotating_mass_kg
+    return fit.masses_kg / empty_kg - 1.0
 
 
 def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> dict[str, float]:

@@ -97,6 +97,7 @@ class Equation:
         weight: of the machine without load, in N; of what this log says where it is not known.
         arms: angles of boom and bucket in rad, those that the log has: hints of a change of load.
         digs: which samples are of a start that digs, where that is known: it fills the bucket.
+        empty: which samples are named as those of the empty machine, where any are.
     """
 
     acceleration: Floats
@@ -115,6 +116,7 @@ class Equation:
     weight: float
     arms: tuple[Floats, ...] = ()
     digs: Bools | None = None
+    empty: Bools | None = None
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -150,6 +152,7 @@ class Equation:
             progress=self.progress[cut],
             arms=tuple(each[cut] for each in self.arms),
             digs=None if self.digs is None else self.digs[cut],
+            empty=None if self.empty is None else self.empty[cut],
         )
 
     @cached_property
@@ -280,6 +283,7 @@ def equation(
         _weight(machine, acceleration, force, group >= 0),
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
+        _named_empty(aligned, machine),
     )
 
 
@@ -318,6 +322,15 @@ def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) 
     largest = (float(np.quantile(np.abs(x[used]), 0.95)) for x in (force, acceleration))
     of_force, of_acceleration = largest
     return body.gravity_m_s2 * of_force / max(of_acceleration, 1e-3)
+
+
+def _named_empty(aligned: pl.DataFrame, machine: Machine) -> Bools | None:
+    """Which samples `settings.loads` names as those of the empty machine; None: it names none."""
+    loads = machine.settings.loads
+    if loads.empty_from_s is None or loads.empty_to_s is None:
+        return None
+    t_s = aligned["t_ns"].to_numpy() / 1e9
+    return (t_s >= loads.empty_from_s) & (t_s <= loads.empty_to_s)
 
 
 def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:

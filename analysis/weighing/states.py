@@ -166,7 +166,7 @@ def places(motion: Equation) -> Ints:
 
     Returns:
         1 where only the masses can, `HINTED` where the boom or the bucket moved as well, `FILLED`
-        where the machine dug.
+        where the machine dug, or where the time ends in which it is named as empty.
     """
     used = np.flatnonzero(motion.used)
     next_one = np.flatnonzero(np.diff(sample_units(motion)) > 0)
@@ -177,6 +177,8 @@ def places(motion: Equation) -> Ints:
 def _place(motion: Equation, samples: slice) -> int:
     """What tells a change of load between two manoeuvres, of the samples from one to the other."""
     if motion.digs is not None and motion.digs[samples].any():
+        return FILLED
+    if motion.empty is not None and len(set(motion.empty[samples][[0, -1]])) > 1:
         return FILLED
     moved = any(_range(arm[samples]) > _ARM_MOVES_RAD for arm in motion.arms)
     return HINTED if moved else 1
