@@ -27,6 +27,10 @@ _FEWEST_MEANS: Final = 10
 _FEWEST_STRETCHES: Final = 6
 #: A body squats with its load in one log of ten, before anything is measured.
 _BEFORE: Final = 0.1
+#: It does in one of two where the wheels say that it squats at all: its gain then grows with the
+#: load by about so many times what it is.
+_BEFORE_IF_SQUATS: Final = 0.5
+_GROWS: Final = 1.5
 #: Odds beyond this, as a logarithm, are certain.
 _SURE: Final = 50.0
 
@@ -84,10 +88,14 @@ def find_squat(
     if found is None:
         return None
     value, variance = found
+    before = _BEFORE
+    if wheels.gain_counts and wheels.gain[0] < 0.0:
+        # a body that squats without a load does so more with one
+        before, prior_std = _BEFORE_IF_SQUATS, min(_GROWS * abs(wheels.gain[0]), prior_std)
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
-    odds = _BEFORE / (1.0 - _BEFORE) * float(np.exp(min(log_odds, _SURE)))
+    odds = before / (1.0 - before) * float(np.exp(min(log_odds, _SURE)))
     probability = odds / (1.0 + odds)
     value *= prior_std**2 / wide
     variance *= prior_std**2 / wide
