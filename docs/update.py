@@ -37,6 +37,7 @@ from analysis.simulation.drivetrain import SimulatedDrivetrain
 from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
 from analysis.simulation.loading import SimulatedLoading
 from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
+from analysis.simulation.rolling import SimulatedRolling
 from analysis.simulation.sampling import SimulatedSampling
 from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, SimulatedTerrain
 from analysis.simulation.shift import SimulatedShift
@@ -104,6 +105,7 @@ def scenario_tables() -> str:
             ("machine", SimulatedMachine),
             ("campaign", SimulatedCampaign),
             ("terrain", SimulatedTerrain),
+            ("rolling", SimulatedRolling),
             ("drivetrain", SimulatedDrivetrain),
             ("chassis", SimulatedChassis),
             ("brakes", SimulatedBrakes),

@@ -1,12 +1,13 @@
 """The machine and its load as one rigid body in the plane, and its two equations of motion.
 
-    F = m s_x - ω² mc_x - ω̇ mc_y + b_x v + F_c sign(v)
+    F = m s_x - ω² mc_x - ω̇ mc_y + b_x v + (F_c + F_r) sign(v)
     T = mc_x s_y - mc_y s_x + Izz ω̇ + b_ψ ω + T_c sign(ω)
 
-the rows of the paper's (4) that wheels measure (`estimators.planar_rows`), with Coulomb friction. F
-and T are all force and torque but friction and gravity: drive less brakes. s is the specific force
-of the origin, midway between the wheels, which do not slip sideways: s_x = dv/dt + g_x, s_y = ω v +
-g_y, where g_x and g_y are the slope's share of gravity along the machine's axes, turned away.
+the rows of the paper's (4) that wheels measure (`estimators.planar_rows`), with Coulomb friction
+F_c, T_c and rolling resistance F_r, which is in proportion to the weight. F and T are all force and
+torque but friction and gravity: drive less brakes. s is the specific force of the origin, midway
+between the wheels, which do not slip sideways: s_x = dv/dt + g_x, s_y = ω v + g_y, where g_x and
+g_y are the slope's share of gravity along the machine's axes, turned away.
 """
 
 import math
@@ -44,6 +45,8 @@ class RigidBody:
     #: g sin(slope): uphill is where the machine looks at heading 0.
     uphill_m_s2: float
     slope_rad: float
+    #: Of a slow machine where its motion begins: in proportion to the weight.
+    rolling_x_N: float
 
     @classmethod
     def loaded(cls, scenario: Scenario, load_kg: float) -> Self:
@@ -61,12 +64,16 @@ class RigidBody:
             coulomb_z_N_m=machine.coulomb_z_N_m,
             uphill_m_s2=terrain.gravity_m_s2 * float(np.sin(terrain.slope_rad)),
             slope_rad=terrain.slope_rad,
+            rolling_x_N=scenario.rolling.coefficient
+            * (machine.mass_kg + load_kg)
+            * terrain.gravity_m_s2
+            * math.cos(terrain.slope_rad),
         )
 
     @property
-    def coulomb(self) -> tuple[float, float]:
-        """Coulomb friction: the force along x and the torque about z."""
-        return self.coulomb_x_N, self.coulomb_z_N_m
+    def gripping(self) -> tuple[float, float]:
+        """What grips at standstill, along x and about z: Coulomb friction, rolling resistance."""
+        return self.coulomb_x_N + self.rolling_x_N, self.coulomb_z_N_m
 
     @property
     def com_x_m(self) -> float:
@@ -118,11 +125,11 @@ class RigidBody:
         return Pair((net.x + mc_y * turn) / m, turn)
 
     def needed(self, rate: Pair, acceleration: Pair, heading: Values, friction: Pair) -> Pair:
-        """F and T that a motion takes; `friction` has the signs of Coulomb friction on each."""
+        """F and T that a motion takes; `friction` has the signs of what grips on each."""
         left = self.net(Pair(0.0 * rate.x, 0.0 * rate.z), rate, heading)
         dv, turn = acceleration
         mc_y = self.first_moment_y_kg_m
         return Pair(
-            self.mass_kg * dv - mc_y * turn - left.x + self.coulomb_x_N * friction.x,
-            self.inertia_z_kg_m2 * turn - mc_y * dv - left.z + self.coulomb_z_N_m * friction.z,
+            self.mass_kg * dv - mc_y * turn - left.x + self.gripping[0] * friction.x,
+            self.inertia_z_kg_m2 * turn - mc_y * dv - left.z + self.gripping[1] * friction.z,
         )

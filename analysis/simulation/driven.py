@@ -87,7 +87,7 @@ class Driven:
         choices: list[tuple[float | None, ...]] = []
         for axis in (0, 1):
             rate = float(state[RATES[axis]])
-            if not free[axis] or rate != 0.0 or self.body.coulomb[axis] <= LEAST_GRIP:
+            if not free[axis] or rate != 0.0 or self.body.gripping[axis] <= LEAST_GRIP:
                 choices.append((float(np.sign(rate)),))
             else:
                 choices.append((1.0, -1.0) if axis in loose else (None, 1.0, -1.0))

@@ -52,8 +52,8 @@ class Gripped:
         body, grip = self.body, self.grip
         net_x, net_z = body.net(applied, Pair(v, omega), heading)
         return Pair(
-            net_x - body.coulomb_x_N * (grip[0] or 0.0),
-            net_z - body.coulomb_z_N_m * (grip[1] or 0.0),
+            net_x - body.gripping[0] * (grip[0] or 0.0),
+            net_z - body.gripping[1] * (grip[1] or 0.0),
         )
 
     def accelerations(self, net: Pair) -> Pair:
@@ -84,7 +84,7 @@ class Gripped:
         for axis in (0, 1):
             sign = self.grip[axis]
             if sign is None:
-                wrong += max(abs(pull[axis]) - self.body.coulomb[axis], 0.0)
+                wrong += max(abs(pull[axis]) - self.body.gripping[axis], 0.0)
             elif state[RATES[axis]] == 0.0:
                 wrong += max(-sign * float(acceleration[axis]) * inertia[axis], 0.0)
         return wrong
@@ -118,7 +118,7 @@ class Gripped:
         changes = [
             axis
             for axis in (0, 1)
-            if self.free[axis] and (stop or self.body.coulomb[axis] > LEAST_GRIP)
+            if self.free[axis] and (stop or self.body.gripping[axis] > LEAST_GRIP)
         ]
         solution = solve_ivp(
             self._rates(state, asked),
@@ -190,5 +190,5 @@ class _Change:
     def __call__(self, _time_s: float, part: Floats) -> float:
         machine, axis, state = self._machine, self._axis, self._full(part)
         if machine.grip[axis] is None:
-            return abs(machine.pull(state)[axis]) - machine.body.coulomb[axis]
+            return abs(machine.pull(state)[axis]) - machine.body.gripping[axis]
         return float(state[RATES[axis]])

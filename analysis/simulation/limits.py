@@ -111,6 +111,11 @@ class _Limits:
             case _:
                 pass
 
+    def _rolling_m_s2(self) -> float:
+        """Largest deceleration by rolling resistance of a slow machine."""
+        terrain = self.scenario.terrain
+        return self.scenario.rolling.highest * terrain.gravity_m_s2 * math.cos(terrain.slope_rad)
+
     def _uphill_m_s2(self, sign: float) -> float:
         """Largest deceleration by gravity when driving along `sign`."""
         uphill = self.heaviest.uphill_m_s2
@@ -123,13 +128,13 @@ class _Limits:
         worst = abs(along) if self.turns else along
         full_N = campaign.throttle_force_N * campaign.valve(start.throttle)
         coulomb_N = self.heaviest.coulomb_x_N
-        resistance_N = coulomb_N + self.heaviest.mass_kg * worst
+        resistance_N = coulomb_N + self.heaviest.mass_kg * (worst + self._rolling_m_s2())
         reached_N = full_N * -math.expm1(-start.start_s / campaign.valve_lag_s)
         if reached_N <= resistance_N:
             where = f"in {key or 'campaign'}.start_s"
             raise ScenarioError(
                 f"{key or 'campaign.throttle_force_N'}: reaches {reached_N:.0f} N {where}, but "
-                f"slope and Coulomb friction hold {self.heaviest.mass_kg:g} kg with "
+                f"slope and friction hold {self.heaviest.mass_kg:g} kg with "
                 f"{resistance_N:.0f} N"
             )
         light = self.lightest

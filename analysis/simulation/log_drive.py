@@ -69,6 +69,7 @@ class _TrialDriver(MachineDriver):
         """One manoeuvre, from standing to standing."""
         load_kg = self._load_kg + self.scenario.loading.added_kg(self.starts)
         body = RigidBody.loaded(self.scenario, load_kg)
+        body = replace(body, rolling_x_N=self.rolling_resistance(body.mass_kg))
         load_end_kg, direction, throttle = load_kg, None, None
         match manoeuvre:
             case Rest():

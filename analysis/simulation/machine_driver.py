@@ -11,7 +11,8 @@ from analysis.simulation.body import RigidBody
 from analysis.simulation.integrated import BRAKING, FREE, OPEN, REST, STEADY, TURNING
 from analysis.simulation.kept_rows import KeptRows
 from analysis.simulation.motion import ManoeuvreTimes
-from analysis.simulation.plant import DriveStage, Plant
+from analysis.simulation.plant_inputs import DriveStage, plant_of
+from analysis.simulation.resistance import rolling_resistance
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.streams import generator
 from analysis.simulation.waveforms import Floats
@@ -28,34 +29,6 @@ WAVE_STEP_S: Final = 0.001
 #: Steps of a half turn.
 _TURN_STEPS: Final = 1000
 _LEAST_CRUISE_S: Final = 0.2
-
-
-def plant_of(scenario: Scenario) -> Plant:
-    """The constants of a log."""
-    drivetrain, chassis, terrain = scenario.drivetrain, scenario.chassis, scenario.terrain
-    boom_rad_s = 2.0 * math.pi / chassis.boom_period_s
-    return Plant(
-        friction_N_s_m=scenario.machine.friction_N_s_m,
-        lag_s=scenario.campaign.valve_lag_s,
-        power_W=drivetrain.power_limit_W,
-        no_load_m_s=drivetrain.no_load_speed_m_s,
-        efficiency=drivetrain.efficiency,
-        rotating_kg=drivetrain.rotating_kg,
-        wheel_share=drivetrain.wheel_mass_share,
-        resonance_rad_s=2.0 * math.pi * drivetrain.resonance_hz,
-        damping=drivetrain.resonance_damping,
-        squat_s2_m=math.radians(chassis.squat_deg_s2_m),
-        squat_rad_s=2.0 * math.pi * chassis.squat_hz,
-        squat_damping=chassis.squat_damping,
-        boom_N=chassis.boom_kg * chassis.boom_stroke_m / 2.0 * boom_rad_s**2,
-        boom_rad_s=boom_rad_s,
-        gravity_m_s2=terrain.gravity_m_s2,
-        slope_rad=terrain.slope_rad,
-        hills_rad=math.radians(terrain.hills_deg),
-        hills_rad_m=terrain.hills_rad_m,
-        hills_phase_rad=math.radians(terrain.hills_phase_deg),
-        drag_N=scenario.brakes.drag_N,
-    )
 
 
 @dataclass(frozen=True)
@@ -286,11 +259,21 @@ class MachineDriver:
         pull_N = body_kg * self.uphill_m_s2()
         return pull_N / (reduced_kg * self._plant.resonance_rad_s**2)
 
+    def rolling_resistance(
+        self, mass_kg: float, speed_m_s: float = 0.0, turn_rad_s: float = 0.0
+    ) -> float:
+        """The rolling resistance of a mass where the machine is."""
+        slope_rad = float(self.scenario.terrain.slope_at_rad(self.position_m))
+        return rolling_resistance(
+            self.position_m, speed_m_s, turn_rad_s, mass_kg, slope_rad, self._plant
+        )
+
     def _keeping(self, stage: DriveStage, full_N: float) -> float:
         """The drive force that keeps the speed on this slope, within that of the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
         resistance_N = stage.coulomb_N + self._plant.drag_N + stage.scrub_N_s_rad * turned
+        resistance_N += self.rolling_resistance(stage.mass_kg, speed, turned)
         needed_N = (
             self._plant.friction_N_s_m * speed
             + stage.mass_kg * self.uphill_m_s2()

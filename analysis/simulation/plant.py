@@ -11,10 +11,12 @@ come to rest within a step, the step is shortened to end there.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
+from analysis.simulation.plant_inputs import DriveStage, Plant
+from analysis.simulation.resistance import held_by_friction, rolling_resistance
 from analysis.simulation.waveforms import Floats
 from estimators.compiled import compiled, inlined
 
@@ -34,58 +36,6 @@ _TURNS_AT: Final = 0.1
 _HALVINGS: Final = 60
 
 
-class Plant(NamedTuple):
-    """The machine and its ground, the same in a whole log."""
-
-    friction_N_s_m: float
-    lag_s: float
-    power_W: float
-    no_load_m_s: float
-    efficiency: float
-    rotating_kg: float
-    wheel_share: float
-    resonance_rad_s: float
-    damping: float
-    squat_s2_m: float
-    squat_rad_s: float
-    squat_damping: float
-    boom_N: float
-    boom_rad_s: float
-    gravity_m_s2: float
-    slope_rad: float
-    hills_rad: float
-    hills_rad_m: float
-    hills_phase_rad: float
-    drag_N: float
-
-
-class DriveStage(NamedTuple):
-    """One stage of a manoeuvre: its commands and resistances; times are since the log began."""
-
-    begin_s: float
-    mass_kg: float
-    drive_N: float = 0.0
-    brake_N: float = 0.0
-    #: 1: the brakes hold the machine, whatever pulls.
-    holds: float = 0.0
-    #: Direction in which a machine that stands may start; the brakes take what pulls the other way.
-    one_way: float = 0.0
-    fill_kg_s: float = 0.0
-    coulomb_N: float = 0.0
-    release_N: float = 0.0
-    release_from_s: float = 0.0
-    release_s: float = 0.0
-    digging_N: float = 0.0
-    digging_from_s: float = 0.0
-    digging_s: float = 1.0
-    stick_share: float = 0.0
-    stick_rad_s: float = 0.0
-    turn_rad_s: float = 0.0
-    scrub_N_s_rad: float = 0.0
-    #: 1: ahead is along the way; -1: against it.
-    facing: float = 1.0
-
-
 @inlined
 def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
     """The force of the motor: what is asked for, within its limits while it drives."""
@@ -97,19 +47,6 @@ def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
         if plant.power_W > 0.0 and abs(force_N) * fast > plant.power_W:
             force_N = math.copysign(plant.power_W / fast, force_N)
     return force_N
-
-
-@inlined
-def _friction(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
-    """What friction can hold, and slides with, at a time and a yaw rate."""
-    capacity = stage.coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
-    if stage.release_s > 0.0:
-        since_s = t - stage.release_from_s
-        capacity += stage.release_N * math.exp(-since_s / stage.release_s)
-    if stage.digging_N > 0.0:
-        grown = (t - stage.digging_from_s) / stage.digging_s
-        capacity += stage.digging_N * min(1.0, max(0.0, grown))
-    return capacity
 
 
 @inlined
@@ -149,7 +86,8 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     force = _motor(y[DRIVE], wheel, plant)
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
-    capacity = _friction(t, turn, plant, stage)
+    capacity = held_by_friction(t, turn, plant, stage)
+    capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant)
     # material that stood takes up the body's speed
     filling = stage.fill_kg_s * body
     soft = plant.resonance_rad_s > 0.0

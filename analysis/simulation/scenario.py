@@ -17,6 +17,7 @@ from analysis.simulation.drivetrain import SimulatedDrivetrain
 from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
 from analysis.simulation.loading import SimulatedLoading
 from analysis.simulation.manoeuvres import Manoeuvre, Rest, Start
+from analysis.simulation.rolling import SimulatedRolling
 from analysis.simulation.sampling import SimulatedSampling
 from analysis.simulation.shift import SimulatedShift
 from analysis.simulation.starts import SimulatedStarts
@@ -191,6 +192,7 @@ class Scenario(BaseModel):
     machine: SimulatedMachine = SimulatedMachine()
     campaign: SimulatedCampaign = SimulatedCampaign()
     terrain: SimulatedTerrain = SimulatedTerrain()
+    rolling: SimulatedRolling = SimulatedRolling()
     drivetrain: SimulatedDrivetrain = SimulatedDrivetrain()
     chassis: SimulatedChassis = SimulatedChassis()
     brakes: SimulatedBrakes = SimulatedBrakes()

@@ -140,7 +140,8 @@ class ShiftDriver(MachineDriver):
     def _body(self) -> RigidBody:
         """Machine, fuel and load as they are now."""
         body = RigidBody.loaded(self.scenario, self._load_kg)
-        return replace(body, mass_kg=body.mass_kg - self._burnt_kg)
+        mass_kg = body.mass_kg - self._burnt_kg
+        return replace(body, mass_kg=mass_kg, rolling_x_N=self.rolling_resistance(mass_kg))
 
     def _drawn(self, stream: str) -> np.random.Generator:
         return generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)

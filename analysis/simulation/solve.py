@@ -127,7 +127,7 @@ class _Trial:
         """
         hold = self.body.needed(_STILL, _STILL, heading_rad, _STILL)
         against = sign * float(hold[axis])
-        coulomb = self.body.coulomb[axis]
+        coulomb = self.body.gripping[axis]
         lag_s = self.scenario.campaign.valve_lag_s
         breakaway_s = begin_s - lag_s * math.log1p(-max((coulomb + against) / full, 0.0))
 

@@ -24,6 +24,9 @@ def integrated_for(scenario: Scenario) -> str | None:
             return f"{name}.{changed}"
     if scenario.terrain.hills_deg:
         return "terrain.hills_deg"
+    for key in ("second_ground_more", "growth_s_m", "growth_s_rad"):
+        if getattr(scenario.rolling, key):
+            return f"rolling.{key}"
     for number, manoeuvre in enumerate(scenario.campaign.manoeuvres):
         if isinstance(manoeuvre, Start):
             for key in ("coast_s", "digging_N"):

@@ -89,6 +89,7 @@ class Timeline:
                     "mass_kg": body.mass_kg,
                     "friction_N_s_m": body.friction_x_N_s_m,
                     "coulomb_N": body.coulomb_x_N,
+                    "rolling_N": body.rolling_x_N,
                     "slope_deg": slope_deg,
                     "inertia_z_kg_m2": body.inertia_z_kg_m2,
                     "com_x_m": body.com_x_m,
@@ -119,6 +120,7 @@ class Timeline:
                     "load_end_kg": each.load_end_kg,
                     "mass_kg": each.body.mass_kg,
                     "coulomb_N": each.body.coulomb_x_N,
+                    "rolling_N": each.body.rolling_x_N,
                     "direction": each.direction,
                     "throttle": each.throttle,
                 }
