@@ -77,11 +77,11 @@ class PayloadFound:
     @property
     def one_state(self) -> bool:
         """Whether the change of load was not found."""
-        return any(row["start_s"] < self.truth["changed_s"] for row in self._loaded)
+        return any(row["start_s"] < self.truth["empty_to_s"] for row in self._loaded)
 
     @property
     def _loaded(self) -> list[dict[str, Any]]:
-        return [row for row in self.loads if row["end_s"] > self.truth["changed_s"]]
+        return [row for row in self.loads if row["end_s"] > self.truth["loaded_from_s"]]
 
     @property
     def worst(self) -> dict[str, Any]:
@@ -112,7 +112,7 @@ class PayloadFound:
         for row in self.loads:
             if row["withheld"]:
                 continue
-            loaded = row["start_s"] + row["end_s"] > 2.0 * self.truth["changed_s"]
+            loaded = row["start_s"] + row["end_s"] > 2.0 * self.truth["empty_to_s"]
             true_kg = self.truth["empty_kg"] + (self.payload_kg if loaded else 0.0)
             found.append((row["mass_kg"] - true_kg) / row["u_kg"])
         return found
@@ -147,8 +147,8 @@ def found_of(situation: str, plan: str, seed: int) -> PayloadFound:
 
 def read(paths: Sequence[Path]) -> list[PayloadFound]:
     """What earlier runs kept."""
-    lines = (line for path in paths if path.exists() for line in path.open(encoding="utf-8"))
-    return [PayloadFound(**json.loads(line)) for line in lines]
+    texts = [path.read_text(encoding="utf-8") for path in paths if path.exists()]
+    return [PayloadFound(**json.loads(line)) for text in texts for line in text.splitlines()]
 
 
 def campaign(wanted: Sequence[tuple[str, str, int]], kept: Path | None) -> Iterator[PayloadFound]:

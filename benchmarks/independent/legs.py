@@ -16,23 +16,24 @@ class Leg(NamedTuple):
     """One thing that the driver does.
 
     A leg that stands lasts `duration_s`. One that drives holds the throttle, cruises, and brakes to
-    the stand. One that digs drives into a pile that begins after `distance_m`, for `duration_s` or
-    until it stalls; its bucket fills up to `load_to_kg`.
+    the stand. One that digs drives into a pile that begins at `to_m` until it stalls, and pushes
+    for `duration_s`; its bucket fills up to `load_to_kg`.
 
     Attributes:
         kind: stand, drive or dig.
         direction: 1 forward, -1 in reverse.
+        facing: 1 where forward leads up the track, -1 where it leads back.
         throttle: share of the whole.
         rise_s: how long it takes to get there.
         start_s: how long it is held.
         cruise_s: how long the speed is kept after that.
-        distance_m: where it stands at last, though it brakes earlier than it would; 0: anywhere.
+        to_m: where on the track it brakes to stand, if it has not before; NaN: nowhere.
         top_m_s: it speeds up to this at most.
         brake_m_s2: a stop decelerates by this besides friction,
         seen_1: such a share of it by the drive, which the force sensors see, and not by brakes;
         tail_m_s: below this speed by brakes alone,
         tail_m_s2: that decelerate by this.
-        duration_s: of a stand, or of digging.
+        duration_s: of a stand, or of pushing into a pile that does not give.
         load_to_kg: the load changes to this,
         load_rate_kg_s: at this rate,
         load_when: at these times.
@@ -42,11 +43,12 @@ class Leg(NamedTuple):
 
     kind: float
     direction: float = 1.0
+    facing: float = 1.0
     throttle: float = 1.0
     rise_s: float = 0.3
     start_s: float = 0.0
     cruise_s: float = 0.0
-    distance_m: float = 0.0
+    to_m: float = float("nan")
     top_m_s: float = 1e9
     brake_m_s2: float = 1.5
     seen_1: float = 0.5

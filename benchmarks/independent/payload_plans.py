@@ -7,8 +7,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from benchmarks.independent.legs import DRIVE, STAND, THROTTLE, WHOLE_LEG, Leg
+from benchmarks.independent.machine import GRAVITY_M_S2, Plant
 from benchmarks.independent.machine_file import Known
-from benchmarks.independent.plant import GRAVITY_M_S2, Motion, Plant, drive
+from benchmarks.independent.plant import Motion, drive
 from benchmarks.independent.sensors import Instruments, Readings, measured
 
 #: Starts without a load, then as many with it.
@@ -115,7 +116,8 @@ class PayloadTruth:
         empty_kg: mass of the machine.
         payload_kg: at the end of each start with a load,
         payload_begin_kg: and at its beginning.
-        changed_s: when the load came, seconds from the start of the log.
+        empty_to_s: when it stood after its last start without a load, from the start of the log,
+        loaded_from_s: and when the first one with it began.
         force_N: at full throttle.
         ways: 1 forward only, 2 alternating.
         starts: with a load, and as many without.
@@ -124,7 +126,8 @@ class PayloadTruth:
     empty_kg: float
     payload_kg: float
     payload_begin_kg: float
-    changed_s: float
+    empty_to_s: float
+    loaded_from_s: float
     force_N: float
     ways: int
     starts: int
@@ -189,13 +192,22 @@ def payload_log(situation: Situation, starts: int, seed: int) -> PayloadLog:
     plant = plant._replace(warming_share=situation.warming, warming_s=once.duration_s)
     motion = drive(plant, legs, _LONGEST_S) if situation.warming else once
     assert motion.whole
-    # a stand and a drive are one start; the load comes in the middle of a longer stand
-    changed_s = float(motion.leg_starts_s[2 * starts : 2 * starts + 2].mean())
+    # a stand and a drive are one start; the load comes in a longer stand
+    stood_s, loaded_s = map(float, motion.leg_starts_s[2 * starts : 2 * starts + 2])
     seen = _instruments(dice, situation, plant)
     truth = PayloadTruth(
-        plant.mass_kg, payload_kg, begin_kg, changed_s, plant.force_max_N, habits.ways, starts
+        plant.mass_kg,
+        payload_kg,
+        begin_kg,
+        stood_s,
+        loaded_s,
+        plant.force_max_N,
+        habits.ways,
+        starts,
     )
-    known = Known(plant.mass_kg, kinematic=situation.kinematic, empty_s=(0.0, changed_s))
+    known = Known(
+        plant.mass_kg, kinematic=situation.kinematic, empty_s=(0.0, (stood_s + loaded_s) / 2.0)
+    )
     topics = measured(dice, seen, motion, plant.mass_kg)
     return PayloadLog(topics, seen, known, truth, motion)
 

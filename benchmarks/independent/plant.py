@@ -14,80 +14,18 @@ from numba import njit
 from numpy.typing import NDArray
 
 from benchmarks.independent.legs import DIG, DRIVE, MOVING, STAND, THROTTLE, WHOLE_LEG, Leg, records
+from benchmarks.independent.machine import GRAVITY_M_S2, Plant
 
 Floats32 = NDArray[np.float32]
 
 #: One step of the plant.
 STEP_S: Final = 0.001
-GRAVITY_M_S2: Final = 9.80665
 
 #: What is recorded, in this order.
 CHANNELS: Final = (
     *("position_m", "speed_m_s", "acceleration_m_s2", "force_N", "load_kg"),
     *("pitch_rad", "squat_rad", "squat_acc_rad_s2", "boom_rad"),
 )
-
-
-class Plant(NamedTuple):
-    """Body, ground and drive train.
-
-    Attributes:
-        mass_kg: without load.
-        viscous_N_s_m: friction in proportion to the speed, when cold.
-        warming_share: share of it that is gone at the end of the log.
-        warming_s: when that is.
-        coulomb_N: dry friction.
-        rolling_1: rolling resistance over the weight, before `rolling_split_m`,
-        rolling_far_1: and behind it.
-        rolling_split_m: where the ground changes, over a metre.
-        rolling_speed_s_m: by what share it grows per m/s.
-        quadratic_N_s2_m2: loss in proportion to v·|v|.
-        slope_rad: of the whole ground, rising ahead.
-        hills_rad: amplitude of a sine on it,
-        hills_length_m: its length
-        hills_phase_rad: and phase.
-        force_max_N: at full throttle.
-        drive_lag_s: time constant of the drive force.
-        brake_lag_s: time constant of the brakes.
-        stick_share: amplitude of the operator's hand on the throttle,
-        stick_hz: and its frequency.
-        squat_s2_m: pitch (rad) per m/s² of an empty machine, nose up,
-        squat_by_mass: 1 where it grows with the mass, 0 where not.
-        sag_rad_kg: nose down per kilogram of load.
-        pitch_hz: natural frequency of the body on its springs,
-        pitch_damping: and damping ratio.
-        pile_N_m: growth of the pile's resistance,
-        pile_N_m2: which grows itself.
-        pile_full_m: penetration that fills the bucket.
-    """
-
-    mass_kg: float
-    viscous_N_s_m: float
-    force_max_N: float
-    warming_share: float = 0.0
-    warming_s: float = 1.0
-    coulomb_N: float = 0.0
-    rolling_1: float = 0.0
-    rolling_far_1: float = 0.0
-    rolling_split_m: float = 0.0
-    rolling_speed_s_m: float = 0.0
-    quadratic_N_s2_m2: float = 0.0
-    slope_rad: float = 0.0
-    hills_rad: float = 0.0
-    hills_length_m: float = 50.0
-    hills_phase_rad: float = 0.0
-    drive_lag_s: float = 0.12
-    brake_lag_s: float = 0.08
-    stick_share: float = 0.0
-    stick_hz: float = 0.7
-    squat_s2_m: float = 0.0
-    squat_by_mass: float = 0.0
-    sag_rad_kg: float = 0.0
-    pitch_hz: float = 2.2
-    pitch_damping: float = 0.45
-    pile_N_m: float = 0.0
-    pile_N_m2: float = 0.0
-    pile_full_m: float = 1.0
 
 
 class State(NamedTuple):
@@ -97,9 +35,8 @@ class State(NamedTuple):
         stage: of a leg that drives: 0 throttle, 1 cruise, 2 brake.
         entered_s: time since that stage began.
         leg_s: time since the leg began.
-        from_m: where it began.
         set_m_s: speed that is cruised at.
-        stalled_s: how long a leg that digs has stood.
+        stalled_s: how long a leg that digs has stood still in the pile.
     """
 
     position_m: float
@@ -113,7 +50,6 @@ class State(NamedTuple):
     stage: int
     entered_s: float
     leg_s: float
-    from_m: float
     set_m_s: float
     stalled_s: float
 
@@ -124,17 +60,19 @@ _PARKING: Final = 1.0
 _STATIC: Final = 1.1
 #: A cruising driver closes this share of the missing speed a second.
 _CRUISE_GAIN_1_S: Final = 1.5
-#: Someone who digs gives up after standing for so long.
-_STALL_S: Final = 0.4
+#: The throttle eases from so much below the top speed on.
+_EASES_M_S: Final = 0.3
+#: A leg that digs stands only after this time: it begins at rest.
+_BEGINS_S: Final = 1.0
 #: Slower than this stands.
 _STANDS_M_S: Final = 1e-9
 
 
 @njit(cache=True)
-def grade_rad(plant: Plant, position_m: float) -> float:
-    """Grade of the ground, rising ahead."""
+def grade_rad(plant: Plant, leg: Leg, position_m: float) -> float:
+    """Grade of the ground, rising ahead of the machine."""
     wave = 2.0 * np.pi * position_m / plant.hills_length_m + plant.hills_phase_rad
-    return plant.slope_rad + plant.hills_rad * np.sin(wave)
+    return leg.facing * (plant.slope_rad + plant.hills_rad * np.sin(wave))
 
 
 @njit(cache=True)
@@ -153,26 +91,32 @@ def viscous_friction(plant: Plant, t_s: float) -> float:
 
 
 @njit(cache=True)
+def _left_m(leg: Leg, state: State) -> float:
+    """How far it is to where a leg leads; NaN where it leads nowhere."""
+    return leg.facing * leg.direction * (leg.to_m - state.position_m)
+
+
+@njit(cache=True)
 def _pile_force(plant: Plant, leg: Leg, state: State) -> float:
     if leg.kind != DIG:
         return 0.0
-    deep_m = abs(state.position_m - state.from_m) - leg.distance_m
-    return 0.0 if deep_m <= 0.0 else deep_m * (plant.pile_N_m + plant.pile_N_m2 * deep_m)
+    deep_m = max(-_left_m(leg, state), 0.0)
+    return deep_m * (plant.pile_N_m + plant.pile_N_m2 * deep_m)
 
 
 @njit(cache=True)
 def _holding_force(plant: Plant, leg: Leg, state: State, mass_kg: float) -> float:
     """What opposes any motion whatever its speed: dry friction, rolling, brakes, pile."""
-    weight_N = mass_kg * GRAVITY_M_S2 * np.cos(grade_rad(plant, state.position_m))
+    weight_N = mass_kg * GRAVITY_M_S2 * np.cos(grade_rad(plant, leg, state.position_m))
     rolling_N = rolling_1(plant, state.position_m, state.speed_m_s) * weight_N
     return plant.coulomb_N + rolling_N + state.brake_N + _pile_force(plant, leg, state)
 
 
 @njit(cache=True)
-def _driving_force(plant: Plant, state: State, mass_kg: float, t_s: float) -> float:
+def _driving_force(plant: Plant, leg: Leg, state: State, mass_kg: float, t_s: float) -> float:
     """All other forces."""
     speed = state.speed_m_s
-    grade_N = mass_kg * GRAVITY_M_S2 * np.sin(grade_rad(plant, state.position_m))
+    grade_N = mass_kg * GRAVITY_M_S2 * np.sin(grade_rad(plant, leg, state.position_m))
     viscous_N = viscous_friction(plant, t_s) * speed
     return state.force_N - viscous_N - plant.quadratic_N_s2_m2 * speed * abs(speed) - grade_N
 
@@ -181,8 +125,8 @@ def _driving_force(plant: Plant, state: State, mass_kg: float, t_s: float) -> fl
 def _load_rate(plant: Plant, leg: Leg, state: State) -> float:
     """Change of the load, kg/s."""
     if leg.kind == DIG:
-        deep_m = abs(state.position_m - state.from_m) - leg.distance_m
-        wanted = leg.load_to_kg * min(max(deep_m, 0.0) / plant.pile_full_m, 1.0)
+        deep_m = max(-_left_m(leg, state), 0.0)
+        wanted = leg.load_to_kg * min(deep_m / plant.pile_full_m, 1.0)
         return max(wanted - state.load_kg, 0.0) / STEP_S
     active = (
         leg.load_when == WHOLE_LEG
@@ -205,11 +149,14 @@ def _commanded_force(plant: Plant, leg: Leg, state: State, mass_kg: float, t_s: 
         drives = abs(state.speed_m_s) > leg.tail_m_s
         return -np.sign(state.speed_m_s) * leg.seen_1 * mass_kg * leg.brake_m_s2 * drives
     if state.stage == 1:
-        steady_N = state.force_N - _driving_force(plant, state, mass_kg, t_s)
+        steady_N = state.force_N - _driving_force(plant, leg, state, mass_kg, t_s)
         steady_N += leg.direction * _holding_force(plant, leg, state, mass_kg)
         wanted_N = steady_N + mass_kg * _CRUISE_GAIN_1_S * (state.set_m_s - state.speed_m_s)
         return min(max(wanted_N, -plant.force_max_N), plant.force_max_N)
     risen = min(state.leg_s / leg.rise_s, 1.0)
+    if leg.kind == DIG:
+        # nobody drives into a pile faster than this, and everybody with all there is once in it
+        risen *= min(max((leg.top_m_s - abs(state.speed_m_s)) / _EASES_M_S, 0.0), 1.0)
     hand = 1.0 + plant.stick_share * np.sin(2.0 * np.pi * plant.stick_hz * t_s)
     smooth = risen * risen * (3.0 - 2.0 * risen)
     return leg.direction * leg.throttle * plant.force_max_N * smooth * hand
@@ -219,7 +166,7 @@ def _commanded_force(plant: Plant, leg: Leg, state: State, mass_kg: float, t_s: 
 def _moved(plant: Plant, leg: Leg, state: State, mass_kg: float, t_s: float) -> tuple[float, float]:
     """Speed and acceleration after a step."""
     holding_N = _holding_force(plant, leg, state, mass_kg)
-    driving_N = _driving_force(plant, state, mass_kg, t_s)
+    driving_N = _driving_force(plant, leg, state, mass_kg, t_s)
     speed = state.speed_m_s
     if abs(speed) < _STANDS_M_S:
         if leg.kind == STAND:
@@ -239,15 +186,25 @@ def _moved(plant: Plant, leg: Leg, state: State, mass_kg: float, t_s: float) -> 
 
 
 @njit(cache=True)
-def _stage_over(leg: Leg, state: State) -> bool:
-    """Whether a leg that drives goes on to its next stage."""
+def _arrives(plant: Plant, leg: Leg, state: State, mass_kg: float, t_s: float) -> bool:
+    """Whether it is time to brake for the place that a leg leads to."""
     speed = abs(state.speed_m_s)
-    left_m = leg.distance_m - abs(state.position_m - state.from_m)
-    if leg.distance_m > 0.0 and left_m <= speed * speed / (2.0 * leg.brake_m_s2):
-        return True
-    if state.stage == 0:
-        return state.entered_s >= leg.start_s or speed >= leg.top_m_s
-    return state.entered_s >= leg.cruise_s
+    friction_N = plant.coulomb_N + viscous_friction(plant, t_s) * speed / 2.0
+    held_m_s2 = friction_N / mass_kg
+    held_m_s2 += rolling_1(plant, state.position_m, speed) * GRAVITY_M_S2
+    # NaN is never less
+    return _left_m(leg, state) <= speed * speed / (2.0 * (leg.brake_m_s2 + held_m_s2))
+
+
+@njit(cache=True)
+def _next_stage(plant: Plant, leg: Leg, state: State, mass_kg: float, t_s: float) -> int:
+    """The stage of a leg that drives."""
+    if state.stage == 2 or _arrives(plant, leg, state, mass_kg, t_s):
+        return 2
+    if state.stage == 1:
+        return 2 if state.entered_s >= leg.cruise_s else 1
+    fast = abs(state.speed_m_s) >= leg.top_m_s
+    return 1 if fast or state.entered_s >= leg.start_s else 0
 
 
 @njit(cache=True)
@@ -255,30 +212,21 @@ def _leg_over(leg: Leg, state: State) -> bool:
     if leg.kind == DRIVE:
         return state.stage == 2 and state.speed_m_s == 0.0 and state.entered_s > 0.1
     if leg.kind == DIG:
-        return state.leg_s >= leg.duration_s or state.stalled_s >= _STALL_S
+        return state.stalled_s >= leg.duration_s
     return state.leg_s >= leg.duration_s
 
 
 @njit(cache=True)
-def _stage_after(leg: Leg, state: State) -> tuple[int, float, float]:
-    """Stage, time in it, and the speed that is cruised at."""
-    entered = state.entered_s + STEP_S
-    if leg.kind == DRIVE and state.stage < 2 and _stage_over(leg, state):
-        left_m = leg.distance_m - abs(state.position_m - state.from_m)
-        stop_m = state.speed_m_s**2 / (2.0 * leg.brake_m_s2)
-        braking = state.stage == 1 or (leg.distance_m > 0.0 and left_m <= stop_m)
-        return (2 if braking else 1), 0.0, state.speed_m_s
-    return state.stage, entered, state.set_m_s
-
-
-@njit(cache=True)
-def _brake_m_s2(leg: Leg, state: State) -> float:
+def _brake_m_s2(plant: Plant, leg: Leg, state: State) -> float:
     """What the brakes are asked for; a stand is held by a parking brake, which is gone at once."""
     if leg.kind != DRIVE or state.stage < 2:
         return 0.0
+    # downhill they hold the weight as well
+    along = np.sign(state.speed_m_s) * np.sin(grade_rad(plant, leg, state.position_m))
+    holds = max(-GRAVITY_M_S2 * along, 0.0)
     if abs(state.speed_m_s) <= leg.tail_m_s:
-        return leg.tail_m_s2
-    return (1.0 - leg.seen_1) * leg.brake_m_s2
+        return leg.tail_m_s2 + holds
+    return (1.0 - leg.seen_1) * leg.brake_m_s2 + holds
 
 
 @njit(cache=True)
@@ -291,7 +239,7 @@ def stepped(plant: Plant, leg: Leg, state: State, t_s: float) -> tuple[State, fl
     """The state a step later, the acceleration, and the acceleration of the pitch."""
     mass_kg = plant.mass_kg + state.load_kg
     command_N = _commanded_force(plant, leg, state, mass_kg, t_s)
-    brake_N = mass_kg * _brake_m_s2(leg, state)
+    brake_N = mass_kg * _brake_m_s2(plant, leg, state)
     speed, rate = _moved(plant, leg, state, mass_kg, t_s)
     heavier = 1.0 + plant.squat_by_mass * (mass_kg / plant.mass_kg - 1.0)
     aim_rad = plant.squat_s2_m * heavier * rate - plant.sag_rad_kg * state.load_kg
@@ -299,10 +247,14 @@ def stepped(plant: Plant, leg: Leg, state: State, t_s: float) -> tuple[State, fl
     squat_acc = turn**2 * (aim_rad - state.squat_rad)
     squat_acc -= 2.0 * plant.pitch_damping * turn * state.squat_rate_rad_s
     squat_rate = state.squat_rate_rad_s + squat_acc * STEP_S
-    stage, entered_s, set_m_s = _stage_after(leg, state)
-    stands = leg.kind == DIG and speed == 0.0 and state.leg_s > 1.0
+    stage, entered_s, set_m_s = state.stage, state.entered_s + STEP_S, state.set_m_s
+    if leg.kind == DRIVE:
+        stage = _next_stage(plant, leg, state, mass_kg, t_s)
+    if stage != state.stage:
+        entered_s, set_m_s = 0.0, state.speed_m_s
+    stands = leg.kind == DIG and speed == 0.0 and state.leg_s > _BEGINS_S
     after = State(
-        state.position_m + 0.5 * (state.speed_m_s + speed) * STEP_S,
+        state.position_m + leg.facing * 0.5 * (state.speed_m_s + speed) * STEP_S,
         speed,
         state.force_N + (command_N - state.force_N) * STEP_S / plant.drive_lag_s,
         state.brake_N + (brake_N - state.brake_N) * STEP_S / plant.brake_lag_s,
@@ -313,7 +265,6 @@ def stepped(plant: Plant, leg: Leg, state: State, t_s: float) -> tuple[State, fl
         stage,
         entered_s,
         state.leg_s + STEP_S,
-        state.from_m,
         set_m_s,
         state.stalled_s + STEP_S if stands else 0.0,
     )
@@ -334,7 +285,6 @@ def _leg_begun(state: State) -> State:
         0,
         0.0,
         0.0,
-        state.position_m,
         0.0,
         0.0,
     )
@@ -342,7 +292,7 @@ def _leg_begun(state: State) -> State:
 
 @njit(cache=True)
 def _driven(plant: Plant, legs: NDArray[Any], rows: Floats32, begins: NDArray[np.int64]) -> int:
-    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0)
     row = 0
     for number in range(legs.size):
         leg = legs[number]
@@ -355,7 +305,7 @@ def _driven(plant: Plant, legs: NDArray[Any], rows: Floats32, begins: NDArray[np
             rows[2, row] = rate
             rows[3, row] = state.force_N
             rows[4, row] = state.load_kg
-            rows[5, row] = grade_rad(plant, state.position_m) + state.squat_rad
+            rows[5, row] = grade_rad(plant, leg, state.position_m) + state.squat_rad
             rows[6, row] = state.squat_rad
             rows[7, row] = squat_acc
             rows[8, row] = state.boom_rad

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from benchmarks.independent.plant import GRAVITY_M_S2, STEP_S, Motion
+from benchmarks.independent.machine import GRAVITY_M_S2
+from benchmarks.independent.plant import STEP_S, Motion
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
