@@ -17,6 +17,8 @@ from analysis.smooth import trailing_mean
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+#: Over so long, in s, a stop takes off more speed than its noise; a cruise before it does not.
+_STOP_SPAN_S: Final = 1.0
 #: The phases in which the machine turns: straight motion has none of them.
 TURNS: Final = ("spinning", "arc", "turning")
 
@@ -57,6 +59,34 @@ def yaw_pace(yaw_rate: Floats, settings: Settings) -> Floats:
     """Whether the turn speeds up (1), slows down (-1) or keeps its rate (0), (rows,)."""
     rate = speed_rate(yaw_rate, settings)
     return pace(yaw_rate, rate, settings.phases.steady_yaw_acc_rad_s2, settings)
+
+
+def stopping(speed: Floats, stands: Bools, noise_m_s: float, settings: Settings) -> Bools:
+    """The samples from which on the speed only falls until the machine stands, (n,).
+
+    Brakes that no sensor sees may stop a machine so gently that it counts as cruising: all along,
+    or for the last of a stop.
+
+    Args:
+        speed: (n,) in m/s.
+        stands: (n,) whether the machine stands.
+        noise_m_s: what noise does not change the speed by.
+        settings: the grid, and from when on a change of speed is braking.
+    """
+    phases = settings.phases
+    fall_m_s = max(noise_m_s, phases.steady_acc_m_s2 * phases.speed_rate_span_s)
+    size = np.nan_to_num(np.abs(speed))
+    span = max(1, round(_STOP_SPAN_S * settings.align.rate_hz))
+    found = np.zeros(speed.size, np.bool_)
+    ends = np.flatnonzero(stands & ~np.append(True, stands[:-1]))
+    begins = np.flatnonzero(~stands & np.append(True, stands[:-1]))
+    for begin, end in zip(begins, ends, strict=False):
+        fastest_from = np.maximum.accumulate(size[begin:end][::-1])[::-1]
+        before = np.append(np.full(span, fastest_from[0]), fastest_from)[: end - begin]
+        steady = (before <= fastest_from + fall_m_s) & (fastest_from > 2.0 * fall_m_s)
+        steady[: np.argmax(size[begin:end]) + 1] = True
+        found[begin + np.flatnonzero(steady)[-1] + 1 : end] = True
+    return found
 
 
 def _mean_over_span(speed: Floats, rate: Floats, settings: Settings) -> Floats:

@@ -303,7 +303,7 @@ class VerdictLimits(BaseModel):
         0.01, gt=0, description="largest disagreement of wheels and accelerometer that widens none"
     )
     beyond_prior_max: float = Field(
-        3.5, gt=0, description="largest constant force or Coulomb friction over its prior's width"
+        3.5, gt=0, description="largest distance of a term from its prior's mean over its width"
     )
     wheels_max: float = Field(
         30.0, gt=0, description="largest disagreement of wheels and accelerometer over their noise"

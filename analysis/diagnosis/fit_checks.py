@@ -47,17 +47,21 @@ def _relative_u(evidence: Evidence, _: Motion) -> float:
     return u_kg / weighing.fit.mass_kg if np.isfinite(weighing.fit.u_kg) else np.nan
 
 
-def _beyond_prior(weighing: Weighing) -> float:
-    """The largest constant force or Coulomb friction over the width of its prior.
+def _from_priors(weighing: Weighing) -> dict[str, float]:
+    """By term, how far it is from its prior's mean, in widths of that prior.
 
-    By this log itself: a prior that a calibration learnt leaves it nothing to say.
+    By this log itself: a prior that a calibration learnt leaves it nothing to say. The lag has a
+    check of its own, in seconds.
     """
     fit = weighing.own
-    return max(
-        abs(float(found)) / width
-        for term, found, width in zip(fit.terms, fit.posterior[0], fit.prior_std, strict=True)
-        if term.name in ("const", "direction")
-    )
+    apart = np.abs(fit.posterior[0] - fit.prior_means.mean) / fit.prior_std
+    by_name = zip((term.name for term in fit.terms), apart.tolist(), strict=True)
+    return {name: widths for name, widths in by_name if name != "lag"}
+
+
+def _farthest_term(evidence: Evidence, _: Motion) -> str:
+    widths = {} if evidence.weighing is None else _from_priors(evidence.weighing)
+    return max(widths, key=widths.__getitem__, default="")
 
 
 def _friction_t(weighing: Weighing) -> float:
@@ -119,11 +123,13 @@ FIT_CHECKS: Final = (
     CheckRow(
         "beyond_prior",
         "mass",
-        _of_fit(_beyond_prior),
-        "constant force or Coulomb friction over its prior: more stands for something else",
+        _of_fit(lambda weighing: max(_from_priors(weighing).values())),
+        "term farthest from its prior, in standard deviations of the prior: more stands for "
+        "something else",
         maximum="beyond_prior_max",
         applies=_fitted,
-        remedy="settings.priors.const_share, direction_share: what the machine may have",
+        names=_farthest_term,
+        remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
     CheckRow(
         "friction_sign",

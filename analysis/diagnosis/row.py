@@ -11,6 +11,10 @@ def _always(_: Evidence, __: Motion) -> bool:
     return True
 
 
+def _nothing(_: Evidence, __: Motion) -> str:
+    return ""
+
+
 @dataclass(frozen=True, slots=True)
 class CheckRow:
     """One check.
@@ -24,6 +28,7 @@ class CheckRow:
         applies: whether this log has what it looks at.
         optional: whether it does not apply where it has no number.
         meaning: what the number says, in a sentence.
+        names: names what the number is of, where that differs from log to log; else "".
         consequence: of failing.
         remedy: the setting or change that would mend it.
     """
@@ -36,5 +41,11 @@ class CheckRow:
     maximum: str | None = None
     applies: Callable[[Evidence, Motion], bool] = _always
     optional: bool = False
+    names: Callable[[Evidence, Motion], str] = _nothing
     consequence: Consequence = "withhold"
     remedy: str = ""
+
+    def text(self, evidence: Evidence, motion: Motion) -> str:
+        """The meaning, and what the number is of."""
+        name = self.names(evidence, motion)
+        return f"{self.meaning} ({name})" if name else self.meaning

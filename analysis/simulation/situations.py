@@ -48,6 +48,9 @@ MACHINE: Final[dict[str, dict[str, Any]]] = {
     "brakes release in 0.15 s": {"brakes": {"release_s": 0.15, "release_N": 2000.0}},
     "brakes release in 0.5 s": {"brakes": {"release_s": 0.5, "release_N": 2000.0}},
     "brakes drag": {"brakes": {"drag_N": 200.0}},
+    "stops at 0.1 m/s² that no sensor sees": {
+        "campaign": {"braking_m_s2": 0.1, "brake_measured_share": 0.0}
+    },
     "brakes seen to 90 %": {"campaign": {"brake_measured_share": 0.9}},
     "scrubbing in a turn": {"starts": {"turn_rad_s": 0.04, "scrub_N_s_rad": 5000.0}},
     "rotating parts": {"drivetrain": {"rotating_kg": 150.0}},

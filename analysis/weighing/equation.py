@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.forces import longitudinal_force, regressor_acceleration
 from analysis.gate import accepted_samples, braking_within_sight
 from analysis.machine import Machine
+from analysis.phases import stopping
 from analysis.schema import values
 from analysis.segments import manoeuvres
 from analysis.windows import windows_with
@@ -247,14 +248,15 @@ def equation(
     acceleration = regressor_acceleration(aligned, machine)
     known = np.isfinite(speed) & np.isfinite(force) & np.isfinite(acceleration)
     known &= ~aligned["gap"].to_numpy()
-    group = _fitted(excitation, gated, machine, braking=braking)
+    moves_m_s = max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S)
+    group = _fitted(excitation, gated, machine, moves_m_s, braking=braking)
     filtered = any(channel.derivative_of for channel in machine.channels.values())
     mixed = _MIXED_FILTERED if filtered else _MIXED
     settled = max(mixed, round(_MIXED_S * settings.align.rate_hz))
     group = _from_break_away(
         group,
         np.where(known, speed, 0.0),
-        max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S),
+        moves_m_s,
         round(_LOOK_BACK_S * settings.align.rate_hz),
         settled,
     )
@@ -340,7 +342,12 @@ def _column(aligned: pl.DataFrame, name: str, known: Bools) -> Floats | None:
 
 
 def _fitted(
-    excitation: pl.DataFrame, gated: pl.DataFrame, machine: Machine, *, braking: bool
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    machine: Machine,
+    moves_m_s: float,
+    *,
+    braking: bool,
 ) -> Ints:
     """The manoeuvre of each sample that drives straight in a manoeuvre with an accepted window."""
     settings = machine.settings
@@ -353,6 +360,8 @@ def _fitted(
     driving = phase.is_in(["accelerating", "cruising", *welcome]).fill_null(False).to_numpy()
     if without:
         brakes = (phase == "braking").fill_null(False).to_numpy()
+        stands = (phase == "standstill").fill_null(False).to_numpy()
+        brakes |= stopping(values(excitation, "speed_x_m_s"), stands, moves_m_s, settings)
         driving &= ~braking_within_sight(brakes, settings)
     return np.where(driving & np.isin(segment_id, informative), segment_id, -1).astype(np.int64)
 

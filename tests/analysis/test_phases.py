@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.phases import phases, speed_rate, yaw_pace
+from analysis.phases import phases, speed_rate, stopping, yaw_pace
 from analysis.schema import build
 from analysis.settings import Settings
 
@@ -133,3 +133,51 @@ def test_the_rate_of_a_steady_change_is_that_change_and_looks_back_only(start, s
 def test_a_log_of_no_rows_has_no_phases():
     assert classify([]).len() == 0
     assert classify([1.0]).to_list() == [None]
+
+
+class TestStopping:
+    """Speeds at 100 Hz; cruise at 1 m/s, and standstill where the speed is 0."""
+
+    STANDS, CRUISE = np.zeros(100), np.full(300, 1.0)
+    GENTLE = np.arange(1.0, 0.0, -0.001)  # 0.1 m/s²
+    HARSH = np.arange(1.0, 0.0, -0.02)
+
+    def found(self, *parts, noise_m_s=0.01):
+        speed = np.concatenate(parts)
+        return stopping(speed, np.abs(speed) < 0.02, noise_m_s, Settings())
+
+    @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "reverse"])
+    def test_a_gentle_stop_is_found_from_its_beginning(self, direction):
+        start = direction * np.concatenate([self.STANDS, np.linspace(0, 1, 100), self.CRUISE])
+        found = self.found(start, direction * self.GENTLE, self.STANDS)
+        began = start.size
+        # a fall of 0.015 m/s shows after 0.15 s
+        assert not found[: began + 10].any()
+        assert found[began + 20 : began + 970].all()
+
+    def test_what_follows_braking_down_to_the_stand_is_found(self):
+        tail = np.arange(0.3, 0.0, -0.0005)
+        found = self.found(self.STANDS, self.CRUISE, np.arange(1.0, 0.3, -0.02), tail, self.STANDS)
+        first = self.STANDS.size + self.CRUISE.size + 35
+        assert found[first : first + tail.size - 40].all()
+
+    def test_a_cruise_before_a_harsh_stop_is_not_found(self):
+        found = self.found(self.STANDS, self.CRUISE, self.HARSH, self.STANDS)
+        assert not found[: self.STANDS.size + self.CRUISE.size].any()
+
+    def test_a_slower_cruise_between_two_stops_is_not_found(self):
+        slower = np.full(300, 0.5)
+        found = self.found(
+            self.STANDS, self.CRUISE, self.HARSH[:25], slower, self.HARSH[25:], self.STANDS
+        )
+        before = self.STANDS.size + self.CRUISE.size + 25
+        # a second after the braking it has been steady
+        assert not found[: before + slower.size].any()
+
+    def test_a_cruise_that_slows_down_without_a_stand_is_not_found(self):
+        found = self.found(self.STANDS, self.CRUISE, self.GENTLE[:500], np.full(300, 0.5))
+        assert not found.any()
+
+    def test_acceleration_is_no_stop_however_slow(self):
+        found = self.found(self.STANDS, np.linspace(0.02, 0.03, 200), self.STANDS)
+        assert not found[: self.STANDS.size + 190].any()

@@ -114,6 +114,13 @@ def test_a_check_finds_the_fault_that_it_is_about(name):
     assert log.load["withheld"] or found.consequence != "withhold"
 
 
+def test_a_term_beyond_its_prior_is_named():
+    transfer = {"machine": {"force_share": 0.5}, "defects": {"force_share_s2_m": 0.08}}
+    log = weighed(merged(RICH, transfer))
+    assert log.load["withheld_for"] == "beyond_prior"
+    assert log.check("beyond_prior").meaning.endswith("(load_transfer)")
+
+
 @pytest.mark.parametrize("topic", ["force", "speed", "IMU"])
 def test_a_topic_whose_values_repeat_is_found_whichever_it_is(topic):
     log = situation(f"frozen {topic}")

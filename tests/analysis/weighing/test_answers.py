@@ -127,6 +127,14 @@ class TestBraking:
         assert "braking" not in log.fired
         assert log.load["u_kg"] < clean().load["u_kg"] / 2
 
+    def test_brakes_so_gentle_that_they_count_as_cruising_do_not_move_the_mass(self):
+        unseen = {"campaign": {"braking_m_s2": 0.1, "brake_measured_share": 0.0}}
+        log = weighed(unseen)
+        assert_weighed(log)
+        assert log.load["u_kg"] < 1.05 * clean().load["u_kg"]
+        slow = {"machine": {"friction_N_s_m": 72.0}, "campaign": {"start_s": 1.0, "cruise_s": 3.0}}
+        assert_weighed(weighed(merged(slow, unseen)))
+
     def test_where_braking_is_excluded_nothing_is_said_of_it(self):
         assert clean().check("braking").passed is None
         assert not clean().load["braking_left_out"]

@@ -20,6 +20,7 @@ FAULTY = (
     "force late 50 ms",
     "speed late 30 ms",
     "topics 9 ms out of phase",
+    "stops at 0.1 m/s² that no sensor sees",
     "wheels 5 % larger",
     "force offset -300 N",
     "accelerometer tilted 1°",
