@@ -22,7 +22,7 @@ DRIFTS: Final = {"viscous_drift": "viscous_drift_share", "gain_drift": "gain_dri
 #: A log has each of them with this probability, before anything is measured.
 _BEFORE: Final = 0.2
 #: The width of the prior of a drift that is left out, over its own.
-_NARROW: Final = 0.02
+NARROW: Final = 0.02
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class LikelyDrifts:
     def narrowed(self, priors: PriorSettings) -> PriorSettings:
         """The priors of a fit without the drifts that are left out."""
         keys = [DRIFTS[name] for name in self.left_out]
-        return priors.model_copy(update={key: _NARROW * getattr(priors, key) for key in keys})
+        return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})
 
     def doubt_kg(self, weights: Floats) -> float:
         """What the other choices do to a sum of masses, in kg (law of total variance).

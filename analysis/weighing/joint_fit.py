@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages
-from analysis.weighing.drifts import LikelyDrifts
+from analysis.weighing.drifts import NARROW, LikelyDrifts
 from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
 from analysis.weighing.joint_result import JointFit, MotionResponses, PriorMeans, place_of
 from analysis.weighing.kinematics import Kinematics, kinematics
@@ -156,6 +156,9 @@ def again(
     terms = (*found.terms, *extra)
     task = _Task(found.motion, noise, priors, terms, found.kinematics, found.states)
     fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found)
+    if fitted.count != found.count:
+        # of other loads
+        return fitted
     return replace(
         fitted,
         lag_shape_kg=found.lag_shape_kg,
@@ -272,6 +275,7 @@ class _Task:
         masses_and_friction = begin and begin.theta[: begin.count + 1]
         for number in range(rounds):
             mean, std = self._priors(masses_and_friction)
+            self._narrow_gain_drift(std)
             known_s = known.lag_s
             mean[lag] -= known_s
             rows = averages(self.motion, self.noise, self.terms, samples, known)
@@ -387,6 +391,15 @@ class _Task:
         for place, term in self._learnt_places():
             mean[place], std[place] = term.mean, term.std
         return mean, std
+
+    def _narrow_gain_drift(self, std: Floats) -> None:
+        """Leave out a drift of the gain where loads come back.
+
+        Payloads are differences of neighbours then, in which it cancels; free masses on the way
+        would follow any drift.
+        """
+        if self.states is not None and self.states.comes_back:
+            std[place_of("gain_drift", self.terms)] *= NARROW
 
     def _learnt_places(self) -> list[tuple[int, LearntTerm]]:
         """Where the terms are of which a calibration says something; slip the wheels say better."""

@@ -68,6 +68,7 @@ class States:
             is nothing to compare.
         single_probability: how probable it is that there is one state.
         other: the other reading, where the log cannot tell; else None.
+        comes_back: whether a load is there again after another: an empty machine, say.
     """
 
     unit: Ints
@@ -79,6 +80,7 @@ class States:
     birge_ratio: float
     single_probability: float = 1.0
     other: OtherReading | None = None
+    comes_back: bool = False
 
     @property
     def count(self) -> int:
@@ -224,6 +226,7 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         ratio,
         found.single_probability,
         _other_reading(units, best, other, probability),
+        np.unique(best.level).size < best.states,
     )
 
 
