@@ -31,6 +31,8 @@ MEANS: Final = (5, 10, 20, 40, 80, 160)
 _ROUNDS: Final = 4
 #: Of the fits that choose the mean: a lag that is not made up for would choose.
 _PILOT_ROUNDS: Final = 2
+#: Fewer manoeuvres do not tell a drift from a change of load.
+_FEWEST_OF_DRIFT: Final = 6
 #: Likewise of load states and the fit that takes the nuisances off.
 _STATE_ROUNDS: Final = 4
 #: A mass of less, as a share of force over acceleration, is none.
@@ -354,6 +356,8 @@ class _Task:
         """What each manoeuvre says of its mass, by what a fit found."""
         samples, found = fit.mean_samples, fit.found
         mean, std = self._priors(fit.theta[: fit.count + 1])
+        if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
+            std[place_of("gain_drift", self.terms)] *= NARROW
         lag = place_of("lag", self.terms)
         mean[lag] -= found.lag_s
         rows = averages(self.motion, self.noise, self.terms, samples, found)

@@ -54,7 +54,9 @@ class TestScale:
         assert found["force_share"] == pytest.approx(0.02 * log.weighing.fit.mass_kg)
 
     def test_what_the_machine_file_does_not_say_is_named(self, log):
-        assert the_load(log)["scale_unknown"] == "force_gain, force_share, wheel_radius"
+        assert the_load(log)["scale_unknown"] == (
+            "force_gain, force_share, force_share_by_load, wheel_radius"
+        )
         told = {"force_gain_u": 0.01, "force_share_u": 0.005, "wheel_radius_u_m": 0.001}
         assert the_load(log, **told)["scale_unknown"] == ""
         some = budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
@@ -96,7 +98,7 @@ class TestFrames:
         assert total == pytest.approx(log.load["u_kg"])
         assert known["share_1"].sum() == pytest.approx(1.0)
         assert known["u_kg"].is_sorted(descending=True)
-        assert frame["u_kg"].null_count() == 3
+        assert frame["u_kg"].null_count() == 4
         assert frame["u_kg"][-3:].null_count() == 3
         assert all(frame["meaning"])
         assert all(frame["shrinks"])
