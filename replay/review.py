@@ -23,7 +23,7 @@ from estimators.threads import mapped
 from recordings import read_frame, write_recording
 from recordings.output import staged
 from recordings.review.ledger import CSV, PARQUET, identities, ledger, write_ledger
-from recordings.review.page import PAGE, ReviewPage, UsedCalibration, review_html
+from recordings.review.page import PAGE, ReviewPage, UsedCalibration, no_tonnes, review_html
 from recordings.review.state import (
     FORMAT,
     RECORDING,
@@ -78,12 +78,18 @@ class Reviewed:
     target: TargetCheck | None
     replayed: bool
 
+    @property
+    def no_tonnes(self) -> str:
+        """Why no cycle counts; empty where one does."""
+        return no_tonnes(self.state, self.ledger)
+
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values."""
         return {
             "folder": str(self.folder),
             "shift": self.shift,
             "target": None if self.target is None else self.target._asdict(),
+            "no_tonnes": self.no_tonnes,
             "can_weigh": self.state.can_weigh,
             "losses": list(self.state.losses),
             "calibration": self.calibration._asdict(),

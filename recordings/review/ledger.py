@@ -37,7 +37,9 @@ def ledger(
     def said(name: str) -> list[str]:
         return ["" if each is None else str(getattr(each, name)) for each in rows]
 
-    rejected = pl.Series("rejected", [each is not None and each.reject for each in rows])
+    rejected = pl.Series(
+        "rejected", [each is not None and each.reject for each in rows], dtype=pl.Boolean
+    )
     times = [
         (pl.col(f"{name}_t_ns") + t0_unix_ns).alias(f"{name}_unix_ns")
         for name in ("start", "end", "dig", "dump")
@@ -50,7 +52,7 @@ def ledger(
         (pl.col("start_t_ns") / _NS).alias("at_s"),
         pl.exclude("cycle", "start_t_ns", "end_t_ns", "dig_t_ns", "dump_t_ns", "counted"),
         (pl.col("counted") & ~rejected).alias("counted"),
-        rejected.cast(pl.Boolean),
+        rejected,
         pl.Series("product", said("product"), dtype=pl.String),
         pl.Series("note", said("note"), dtype=pl.String),
         pl.Series("author", said("author"), dtype=pl.String),

@@ -1,5 +1,6 @@
 """The page of a review: one file that a person reads on a phone, at a desk or on paper."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
@@ -17,6 +18,8 @@ PAGE: Final = "review.html"
 _TEMPLATE: Final = "review.html.j2"
 #: A page is no list of all that may be wrong.
 _MOST_FINDINGS: Final = 3
+#: Nor is its headline; the table has all.
+_MOST_CHECKS: Final = 3
 NOT_CALIBRATED: Final = "Payloads are not calibrated"
 #: Of an interval with a confidence of 95 %.
 K: Final = 2.0
@@ -70,6 +73,7 @@ class ReviewPage:
 def review_html(page: ReviewPage) -> str:
     """Write the page; every text in it is escaped, and it asks nothing of anybody."""
     state, shift = page.state, page.shift
+    why_not = no_tonnes(state, page.ledger)
     said = page.ledger.filter(pl.col("author") != "").height
     return page_html(
         "recordings.review",
@@ -77,8 +81,9 @@ def review_html(page: ReviewPage) -> str:
         title=f"Shift of {state.machine or 'a machine without a name'}",
         state=state,
         duration=f"{shift['duration_s'] / 3600.0:.2f} h",
-        banner=_banner(page),
-        headline=headline(shift),
+        against=page.calibration.against and f"{NOT_CALIBRATED}: {page.calibration.against}.",
+        headline=headline(shift, why_not),
+        no_tonnes=bool(why_not),
         facts=[*facts(shift, page.target), *breakdown(page.ledger)],
         warnings=_warnings(page),
         heads=_HEADS,
@@ -92,34 +97,63 @@ def review_html(page: ReviewPage) -> str:
     )
 
 
-def headline(shift: Mapping[str, Any]) -> str:
-    """The answer in a line."""
-    if not shift["cycles_counted"]:
-        return "No tonnes: no cycle has a mass"
+def headline(shift: Mapping[str, Any], why_not: str) -> str:
+    """The answer in a line.
+
+    Args:
+        shift: frame `shift`, as reviewed.
+        why_not: see `no_tonnes`.
+    """
+    if why_not:
+        return f"No tonnes: {why_not}"
     loads = counted(shift["cycles_counted"], "load")
     return f"{_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
 
 
+def no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
+    """Why no cycle counts; nothing where one does."""
+    if ledger["counted"].any():
+        return ""
+    if not state.can_weigh:
+        failed = [check.check for check in state.failed if check.consequence == "withhold"]
+        more = len(failed) - _MOST_CHECKS
+        names = ", ".join(failed[:_MOST_CHECKS]) + (f" and {more} more" if more > 0 else "")
+        return f"these logs cannot weigh; failed: {names}"
+    if ledger.is_empty():
+        return state.no_cycle
+    reasons = Counter(
+        "rejected by a reviewer" if rejected else reason or str(quality)
+        for rejected, reason, quality in ledger.select(
+            "rejected", "withheld_for", "quality"
+        ).iter_rows()
+    )
+    return "; ".join(f"{counted(n, 'cycle')}: {reason}" for reason, n in reasons.items())
+
+
 def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[str, str]]:
     """What a reader looks for first, name and value."""
-    found = [
-        ("interval", "95 % (k = 2)"),
-        ("of that, repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
-        (
-            "of that, common to all loads",
-            f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t: more loads do not shrink it",
-        ),
-        (
-            "not counted",
-            f"{shift['lost_cycles']:.1f} ± {K * shift['lost_cycles_u']:.1f} cycles, "
-            f"{_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])} in gaps and torn files",
-        ),
+    found: list[tuple[str, str]] = []
+    if shift["cycles_counted"]:
+        found += [
+            ("interval", "95 % (k = 2)"),
+            ("of that, repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
+            (
+                "of that, common to all loads",
+                f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t: more loads do not shrink it",
+            ),
+            (
+                "not counted",
+                f"{shift['lost_cycles']:.1f} ± {K * shift['lost_cycles_u']:.1f} cycles, "
+                f"{_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])} in gaps and torn files",
+            ),
+        ]
+    found.append(
         (
             "cycles",
             f"{shift['cycles']} seen, {shift['cycles_counted']} counted, "
             f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
-        ),
-    ]
+        )
+    )
     if shift["cycles_counted"]:
         mean, std = shift["payload_mean_kg"], shift["payload_std_kg"] or 0.0
         found += [("a load", f"{mean:,.0f} kg on average, standard deviation {std:,.0f} kg")]
@@ -170,22 +204,8 @@ def _tonnes(kg: float, u_kg: float) -> str:
     return f"{kg / 1e3:,.{digits}f} ± {u_kg / 1e3:,.{digits}f} t"
 
 
-def _banner(page: ReviewPage) -> list[str]:
-    state = page.state
-    found: list[str] = []
-    if page.calibration.against:
-        found.append(f"{NOT_CALIBRATED}: {page.calibration.against}.")
-    if state.can_weigh:
-        return found
-    names = ", ".join(check.check for check in state.failed if check.consequence == "withhold")
-    return [
-        *found,
-        f"These logs cannot weigh, so there are no masses. Failed: {names or 'see below'}.",
-    ]
-
-
 def _warnings(page: ReviewPage) -> list[str]:
-    state, shift = page.state, page.shift
+    state = page.state
     found: list[str] = []
     if state.losses:
         found.append(f"Damaged or incomplete: {counted(len(state.losses), 'loss')}, listed below.")
@@ -200,11 +220,6 @@ def _warnings(page: ReviewPage) -> list[str]:
         found.append(
             f"Scale not known: the machine file gives no uncertainty of {state.scale_unknown}, so "
             "none is in the ±; a calibration (--calibration) tells it."
-        )
-    if not shift["cycles"] and state.can_weigh:
-        found.append(
-            "Loaded and empty cannot be told apart: one load throughout, or too few starts that "
-            "tell a mass."
         )
     return found
 

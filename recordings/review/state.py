@@ -11,6 +11,7 @@ from analysis.check import Verdict
 from analysis.cycles.friction import FrictionPart, friction_parts
 from analysis.cycles.lost import holes
 from analysis.run import InputFile, Run
+from estimators.errors import counted
 from recordings.finding_text import finding_line, findings_of
 from recordings.texts import local_time, machine_name
 
@@ -59,6 +60,7 @@ class ReviewState(BaseModel):
         friction: viscous friction of the fit in N·s/m, and its standard deviation.
         friction_parts: the same over the shift.
         scale_unknown: what the machine file gives no uncertainty of.
+        no_cycle: why no cycle was found; empty where one was.
         gaps_s: stretches without a recording, from the first sample.
         findings: causes of a wrong mass that these logs show and that matter, a line each.
     """
@@ -85,6 +87,7 @@ class ReviewState(BaseModel):
     digs: int
     scale_unknown: str
     findings: tuple[str, ...] = ()
+    no_cycle: str = ""
 
 
 def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]) -> ReviewState:
@@ -139,6 +142,7 @@ def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]
         digs=frames["digging"].height,
         scale_unknown=load["scale_unknown"] or "",
         findings=tuple(finding_line(e) for e in findings_of(run) if e.severity != "tell"),
+        no_cycle=_no_cycle(frames["cycles"], frames["loads"]),
     )
 
 
@@ -176,6 +180,17 @@ def flat(values: Any, name: str = "") -> dict[str, str]:
             found |= flat(value, f"{name}.{key}" if name else str(key))  # pyright: ignore[reportUnknownArgumentType]
         return found
     return {name: str(values)}
+
+
+def _no_cycle(cycles: pl.DataFrame, loads: pl.DataFrame) -> str:
+    """Why there is no cycle; nothing where there is one."""
+    if cycles.height:
+        return ""
+    if loads["withheld"].all():
+        return str(loads["withheld_for"][0])
+    if loads.height == 1:
+        return f"{counted(int(loads['manoeuvres'][0]), 'usable start')}, one load throughout"
+    return f"of {loads.height} load states none can be told to be loaded or empty"
 
 
 def _sampling(topic: str, frame: pl.DataFrame) -> TopicSampling:

@@ -43,8 +43,10 @@ def command(
 ) -> None:
     """Review a shift: ledger, recording and one page with tonnes, cycles and what is wrong.
 
-    Exit status 1 if no cycle has a mass.
+    Exit status 1 if no cycle counts; stderr and the page say why.
     """
+    from estimators.errors import one_line
+    from recordings.review.page import headline
     from replay.commands.printing import console, print_json
     from replay.commands.progress import Stages
     from replay.pipeline import STAGES
@@ -58,16 +60,21 @@ def command(
         print_json(made.to_dict())
     else:
         print_review(console(), made)
-    if not made.shift["cycles_counted"]:
+    if made.no_tonnes:
+        typer.echo(one_line(headline(made.shift, made.no_tonnes)), err=True)
         raise typer.Exit(1)
 
 
 def print_review(screen: "Console", made: "Reviewed") -> None:
-    """Print a review's sums, what is wrong with it, and where its page is."""
+    """Print a review's sums, what is wrong with it, and where its page is.
+
+    Why there are no tonnes is a message, which the command prints on stderr.
+    """
     from recordings.review.page import NOT_CALIBRATED, PAGE, breakdown, facts, headline
     from replay.commands.printing import print_line
 
-    print_line(screen, headline(made.shift))
+    if not made.no_tonnes:
+        print_line(screen, headline(made.shift, ""))
     for name, value in (*facts(made.shift, made.target), *breakdown(made.ledger)):
         print_line(screen, f"{name}: {value}")
     if made.calibration.against:

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -47,7 +47,7 @@ def of_another_user() -> dict[str, Any]:
 
 
 @contextmanager
-def readable_folder() -> Iterator[Path]:
+def readable_folder() -> Generator[Path]:
     """Make a folder that every user may read: those above pytest's own let nobody else in."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -53,3 +53,8 @@ def shift_folder(folder: Path) -> tuple[list[Path], Path, dict[str, Any]]:
     )
     truth = json.loads(shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
     return log_paths(SCENARIO, folder / "shift.mcap"), machine, truth
+
+
+def verdict(identity: str, more: str) -> str:
+    """A reviewer's verdict on a cycle."""
+    return f'[[cycle]]\nid = "{identity}"\nauthor = "R. Meier"\ntime = 2026-01-02T03:04:05Z\n{more}'

@@ -20,7 +20,7 @@ from estimators.errors import PayscopeError, ReviewError
 from recordings import read_frame
 from recordings.review.state import RECORDING, STATE
 from replay.review import Reviewed, ReviewOptions, review
-from tests.replay.shift_review import shift_folder
+from tests.replay.shift_review import shift_folder, verdict
 
 OUTPUTS = {"ledger.csv", "ledger.parquet", "review.html", "review.json", "shift.rrd"}
 
@@ -82,10 +82,6 @@ def test_a_second_review_does_not_replay_unless_something_that_counts_has_change
         recording.write(b"x")
     assert review(logs, machine, folder, ReviewOptions()).replayed
     assert (folder / "ledger.parquet").read_bytes() == before
-
-
-def verdict(identity: str, more: str) -> str:
-    return f'[[cycle]]\nid = "{identity}"\nauthor = "R. Meier"\ntime = 2026-01-02T03:04:05Z\n{more}'
 
 
 def test_a_rejected_cycle_is_listed_with_author_and_time_and_is_not_counted(
