@@ -71,6 +71,8 @@ class MachineDriver:
         self._load_index = load_index
         if self._plant.resonance_rad_s:
             self.state[plant.STRETCH] = self._sag_m(scenario.machine.mass_kg + load_kg)
+        if scenario.chassis.squat_hz:
+            self.state[plant.PITCH] = self._plant.pitch_1_kg * load_kg
         fastest = max(
             scenario.drivetrain.resonance_hz, scenario.chassis.squat_hz, scenario.starts.stick_hz
         )

@@ -64,6 +64,16 @@ def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> flo
 
 
 @inlined
+def _pitching(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
+    """How fast the pitch rate changes, on springs that give way under load and acceleration."""
+    squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
+    squat += plant.pitch_1_kg * load_kg
+    return plant.squat_rad_s * (
+        plant.squat_rad_s * (squat - y[PITCH]) - 2.0 * plant.squat_damping * y[PITCH_RATE]
+    )
+
+
+@inlined
 def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     t: float,
     y: Floats,
@@ -123,10 +133,7 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     out[DRIVE] = (_asked(t, stage, wave, wave_step_s) - y[DRIVE]) / plant.lag_s
     out[BRAKE] = (stage.brake_N - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]
-    out[PITCH_RATE] = plant.squat_rad_s * (
-        plant.squat_rad_s * (plant.squat_s2_m * body_acc - y[PITCH])
-        - 2.0 * plant.squat_damping * y[PITCH_RATE]
-    )
+    out[PITCH_RATE] = _pitching(y, body_acc, mass - plant.empty_kg, plant)
     out[_PULL] = pull
     out[_CAPACITY] = capacity
     out[_FORCE] = force

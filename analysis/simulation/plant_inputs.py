@@ -19,6 +19,9 @@ class Plant(NamedTuple):
     resonance_rad_s: float
     damping: float
     squat_s2_m: float
+    squat_s2_m_kg: float
+    pitch_1_kg: float
+    empty_kg: float
     squat_rad_s: float
     squat_damping: float
     boom_N: float
@@ -79,6 +82,9 @@ def plant_of(scenario: Scenario) -> Plant:
         resonance_rad_s=2.0 * math.pi * drivetrain.resonance_hz,
         damping=drivetrain.resonance_damping,
         squat_s2_m=math.radians(chassis.squat_deg_s2_m),
+        squat_s2_m_kg=math.radians(chassis.squat_deg_s2_m_kg),
+        pitch_1_kg=math.radians(chassis.pitch_deg_kg),
+        empty_kg=scenario.machine.mass_kg,
         squat_rad_s=2.0 * math.pi * chassis.squat_hz,
         squat_damping=chassis.squat_damping,
         boom_N=chassis.boom_kg * chassis.boom_stroke_m / 2.0 * boom_rad_s**2,
