@@ -103,6 +103,7 @@ class _TrialDriver(MachineDriver):
                     f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
                 )
         since = times.since(trial_begin_s)
+        body = self.warmed(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
         )

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from analysis.simulation.plant_inputs import DriveStage, Plant
-from analysis.simulation.resistance import held_by_friction, rolling_resistance
+from analysis.simulation.resistance import held_by_friction, left_of_cold, rolling_resistance
 from analysis.simulation.waveforms import Floats
 from estimators.compiled import compiled, inlined
 
@@ -104,7 +104,8 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     share = plant.wheel_share if soft else 1.0
     wheel_kg = share * mass + plant.rotating_kg
     body_kg = (1.0 - share) * mass
-    pull = ground - plant.friction_N_s_m * wheel - share * mass * gravity
+    friction = plant.friction_N_s_m * left_of_cold(t, plant.friction_warming, plant.warming_s)
+    pull = ground - friction * wheel - share * mass * gravity
     spring = 0.0
     if soft:
         reduced = wheel_kg * body_kg / (wheel_kg + body_kg)

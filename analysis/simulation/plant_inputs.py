@@ -10,6 +10,9 @@ class Plant(NamedTuple):
     """The machine and its ground, the same in a whole log."""
 
     friction_N_s_m: float
+    friction_warming: float
+    coulomb_warming: float
+    warming_s: float
     lag_s: float
     power_W: float
     no_load_m_s: float
@@ -73,6 +76,9 @@ def plant_of(scenario: Scenario) -> Plant:
     boom_rad_s = 2.0 * math.pi / chassis.boom_period_s
     return Plant(
         friction_N_s_m=scenario.machine.friction_N_s_m,
+        friction_warming=scenario.machine.friction_warming,
+        coulomb_warming=scenario.machine.coulomb_warming,
+        warming_s=scenario.machine.warming_s,
         lag_s=scenario.campaign.valve_lag_s,
         power_W=drivetrain.power_limit_W,
         no_load_m_s=drivetrain.no_load_speed_m_s,
