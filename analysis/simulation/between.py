@@ -9,9 +9,9 @@ from analysis.simulation import plant
 from analysis.simulation.waveforms import Floats
 from estimators.compiled import inlined, uncounted
 
-#: What changes how fast: the force on the ground, the yaw rate, the acceleration.
-FORCE_RATE, TURN, JERK = range(3)
-SLOPES: Final = 3
+#: What changes how fast: the force on the ground, the yaw rate, the acceleration, the mass.
+FORCE_RATE, TURN, JERK, FILLING = range(4)
+SLOPES: Final = 4
 #: Rows that are passed one by one before the rest is searched.
 _NEAR: Final = 16
 
@@ -40,6 +40,8 @@ def _row_before(rows: Floats, time_s: float, known: int) -> int:
 def _value(row: Floats, which: int) -> float:
     if which == FORCE_RATE:
         return row[plant.GROUND] - row[plant.BRAKED]
+    if which == FILLING:
+        return row[plant.MASS]
     return row[plant.YAW_RATE if which == TURN else plant.ACCELERATION]
 
 
@@ -66,7 +68,7 @@ def between(
         rows: (n, 16) what `plant` keeps, times ascending, two at least.
         time_s: (m,) any times, fastest when ascending.
         now: (16, m) filled with what is kept, at each time.
-        slopes: (3, m) filled with what changes how fast.
+        slopes: (4, m) filled with what changes how fast.
         last: (m,) filled with the row before each time.
     """
     known = 0

@@ -11,6 +11,15 @@ class SimulatedChassis(BaseModel):
     squat_deg_s2_m: float = Field(
         default=0.0, ge=-10, le=10, description="pitch, nose up, over forward acceleration"
     )
+    squat_deg_s2_m_kg: float = Field(
+        default=0.0, ge=-0.1, le=0.1, description="what it is more a kg of load: soft rear springs"
+    )
+    pitch_deg_kg: float = Field(
+        default=0.0,
+        ge=-0.1,
+        le=0.1,
+        description="pitch, nose up, over the load, standing or driving",
+    )
     squat_hz: float = Field(
         default=0.0,
         ge=0,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.simulation import plant
-from analysis.simulation.between import FORCE_RATE, JERK, SLOPES, TURN, between
+from analysis.simulation.between import FILLING, FORCE_RATE, JERK, SLOPES, TURN, between
 from analysis.simulation.motion import Channels
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.timeline import DrivenManoeuvre
@@ -52,8 +52,7 @@ class IntegratedLog:
         force = now[plant.GROUND] - now[plant.BRAKED]
         squat, squat_rate = now[1 + plant.PITCH], now[1 + plant.PITCH_RATE]
         if not self.scenario.chassis.squat_hz:
-            gain = math.radians(self.scenario.chassis.squat_deg_s2_m)
-            squat, squat_rate = gain * acc, gain * rate[JERK]
+            squat, squat_rate = self._squat(now[plant.MASS], acc, rate)
         torque = self._inertia_z(now[plant.MASS]) * turn + machine.friction_z_N_m_s * omega
         torque = torque + machine.coulomb_z_N_m * np.sign(omega)
         seen = self.scenario.campaign.brake_measured_share
@@ -79,6 +78,16 @@ class IntegratedLog:
             nose_up_rate_rad_s=squat_rate + terrain.slope_change_rad_m(position) * wheel,
             mass_kg=now[plant.MASS],
         )
+
+    def _squat(self, mass_kg: Floats, acc: Floats, rate: Floats) -> tuple[Floats, Floats]:
+        """The pitch of springs that follow at once, and how fast it changes."""
+        chassis = self.scenario.chassis
+        by_load = math.radians(chassis.squat_deg_s2_m_kg)
+        standing = math.radians(chassis.pitch_deg_kg)
+        load_kg = mass_kg - self.scenario.machine.mass_kg
+        gain = math.radians(chassis.squat_deg_s2_m) + by_load * load_kg
+        filling = (by_load * acc + standing) * rate[FILLING]
+        return gain * acc + standing * load_kg, gain * rate[JERK] + filling
 
     def _inertia_z(self, mass_kg: Floats) -> Floats:
         machine = self.scenario.machine

@@ -64,12 +64,17 @@ class _TrialDriver(MachineDriver):
         self.driven: list[DrivenManoeuvre] = []
         self._load_kg = load_kg
         self.mass_kg = RigidBody.loaded(scenario, load_kg).mass_kg
+        #: Whether a stand has the load of the start after it, or, as logs of before have it, the
+        #: one that the log began with.
+        self._stands_loaded = bool(scenario.chassis.pitch_deg_kg)
 
     def drive(self, trial: int, number: int, manoeuvre: Manoeuvre, trial_begin_s: float) -> None:
         """One manoeuvre, from standing to standing."""
         load_kg = self._load_kg + self.scenario.loading.added_kg(self.starts)
         body = RigidBody.loaded(self.scenario, load_kg)
         body = replace(body, rolling_x_N=self.rolling_resistance(body.mass_kg))
+        if self._stands_loaded:
+            self.mass_kg = body.mass_kg
         load_end_kg, direction, throttle = load_kg, None, None
         match manoeuvre:
             case Rest():
@@ -98,6 +103,7 @@ class _TrialDriver(MachineDriver):
                     f"campaign.manoeuvres.{number}: a {manoeuvre.kind} cannot be integrated"
                 )
         since = times.since(trial_begin_s)
+        body = self.warmed(body, times.start_s)
         self.driven.append(
             DrivenManoeuvre(trial, number, since, body, load_kg, load_end_kg, direction, throttle)
         )

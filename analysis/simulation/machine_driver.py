@@ -1,7 +1,7 @@
 """The machine driven manoeuvre by manoeuvre, from standing to standing, by the integrated plant."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -12,7 +12,7 @@ from analysis.simulation.integrated import BRAKING, FREE, OPEN, REST, STEADY, TU
 from analysis.simulation.kept_rows import KeptRows
 from analysis.simulation.motion import ManoeuvreTimes
 from analysis.simulation.plant_inputs import DriveStage, plant_of
-from analysis.simulation.resistance import rolling_resistance
+from analysis.simulation.resistance import left_of_cold, rolling_resistance
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.streams import generator
 from analysis.simulation.waveforms import Floats
@@ -71,6 +71,8 @@ class MachineDriver:
         self._load_index = load_index
         if self._plant.resonance_rad_s:
             self.state[plant.STRETCH] = self._sag_m(scenario.machine.mass_kg + load_kg)
+        if scenario.chassis.squat_hz:
+            self.state[plant.PITCH] = self._plant.pitch_1_kg * load_kg
         fastest = max(
             scenario.drivetrain.resonance_hz, scenario.chassis.squat_hz, scenario.starts.stick_hz
         )
@@ -228,8 +230,23 @@ class MachineDriver:
         slope_rad = self.scenario.terrain.slope_at_rad(self.position_m)
         return self.facing * self._plant.gravity_m_s2 * math.sin(slope_rad)
 
+    def warmed(self, body: RigidBody, time_s: float) -> RigidBody:
+        """A body with the friction that is left at a time."""
+        viscous, coulomb = self._left_of_cold(time_s)
+        return replace(
+            body,
+            friction_x_N_s_m=body.friction_x_N_s_m * viscous,
+            coulomb_x_N=body.coulomb_x_N * coulomb,
+        )
+
+    def _left_of_cold(self, time_s: float) -> tuple[float, float]:
+        """The shares of viscous and Coulomb friction that are left at a time."""
+        viscous, coulomb = self._plant.friction_warming, self._plant.coulomb_warming
+        warming_s = self._plant.warming_s
+        return left_of_cold(time_s, viscous, warming_s), left_of_cold(time_s, coulomb, warming_s)
+
     def drawn_coulomb(self) -> float:
-        """The Coulomb friction of the next start."""
+        """The Coulomb friction of the next start, on a cold machine."""
         drawn = self._random("start_coulomb").standard_normal()
         varied = self.scenario.starts.coulomb_std_N * float(drawn)
         return max(self.scenario.machine.coulomb_N + varied, 0.0)
@@ -272,10 +289,12 @@ class MachineDriver:
         """The drive force that keeps the speed on this slope, within that of the throttle."""
         speed, sign = float(self.state[plant.WHEEL]), math.copysign(1.0, full_N)
         turned = abs(stage.turn_rad_s) if speed else 0.0
-        resistance_N = stage.coulomb_N + self._plant.drag_N + stage.scrub_N_s_rad * turned
+        viscous, coulomb = self._left_of_cold(self.time_s)
+        resistance_N = stage.coulomb_N * coulomb + self._plant.drag_N
+        resistance_N += stage.scrub_N_s_rad * turned
         resistance_N += self.rolling_resistance(stage.mass_kg, speed, turned)
         needed_N = (
-            self._plant.friction_N_s_m * speed
+            self._plant.friction_N_s_m * viscous * speed
             + stage.mass_kg * self.uphill_m_s2()
             + stage.fill_kg_s * speed
             + sign * resistance_N

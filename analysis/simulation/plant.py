@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from analysis.simulation.plant_inputs import DriveStage, Plant
-from analysis.simulation.resistance import held_by_friction, rolling_resistance
+from analysis.simulation.resistance import held_by_friction, left_of_cold, rolling_resistance
 from analysis.simulation.waveforms import Floats
 from estimators.compiled import compiled, inlined
 
@@ -64,6 +64,16 @@ def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> flo
 
 
 @inlined
+def _pitching(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
+    """How fast the pitch rate changes, on springs that give way under load and acceleration."""
+    squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
+    squat += plant.pitch_1_kg * load_kg
+    return plant.squat_rad_s * (
+        plant.squat_rad_s * (squat - y[PITCH]) - 2.0 * plant.squat_damping * y[PITCH_RATE]
+    )
+
+
+@inlined
 def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     t: float,
     y: Floats,
@@ -94,7 +104,8 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     share = plant.wheel_share if soft else 1.0
     wheel_kg = share * mass + plant.rotating_kg
     body_kg = (1.0 - share) * mass
-    pull = ground - plant.friction_N_s_m * wheel - share * mass * gravity
+    friction = plant.friction_N_s_m * left_of_cold(t, plant.friction_warming, plant.warming_s)
+    pull = ground - friction * wheel - share * mass * gravity
     spring = 0.0
     if soft:
         reduced = wheel_kg * body_kg / (wheel_kg + body_kg)
@@ -123,10 +134,7 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     out[DRIVE] = (_asked(t, stage, wave, wave_step_s) - y[DRIVE]) / plant.lag_s
     out[BRAKE] = (stage.brake_N - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]
-    out[PITCH_RATE] = plant.squat_rad_s * (
-        plant.squat_rad_s * (plant.squat_s2_m * body_acc - y[PITCH])
-        - 2.0 * plant.squat_damping * y[PITCH_RATE]
-    )
+    out[PITCH_RATE] = _pitching(y, body_acc, mass - plant.empty_kg, plant)
     out[_PULL] = pull
     out[_CAPACITY] = capacity
     out[_FORCE] = force

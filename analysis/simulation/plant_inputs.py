@@ -10,6 +10,9 @@ class Plant(NamedTuple):
     """The machine and its ground, the same in a whole log."""
 
     friction_N_s_m: float
+    friction_warming: float
+    coulomb_warming: float
+    warming_s: float
     lag_s: float
     power_W: float
     no_load_m_s: float
@@ -19,6 +22,9 @@ class Plant(NamedTuple):
     resonance_rad_s: float
     damping: float
     squat_s2_m: float
+    squat_s2_m_kg: float
+    pitch_1_kg: float
+    empty_kg: float
     squat_rad_s: float
     squat_damping: float
     boom_N: float
@@ -70,6 +76,9 @@ def plant_of(scenario: Scenario) -> Plant:
     boom_rad_s = 2.0 * math.pi / chassis.boom_period_s
     return Plant(
         friction_N_s_m=scenario.machine.friction_N_s_m,
+        friction_warming=scenario.machine.friction_warming,
+        coulomb_warming=scenario.machine.coulomb_warming,
+        warming_s=scenario.machine.warming_s,
         lag_s=scenario.campaign.valve_lag_s,
         power_W=drivetrain.power_limit_W,
         no_load_m_s=drivetrain.no_load_speed_m_s,
@@ -79,6 +88,9 @@ def plant_of(scenario: Scenario) -> Plant:
         resonance_rad_s=2.0 * math.pi * drivetrain.resonance_hz,
         damping=drivetrain.resonance_damping,
         squat_s2_m=math.radians(chassis.squat_deg_s2_m),
+        squat_s2_m_kg=math.radians(chassis.squat_deg_s2_m_kg),
+        pitch_1_kg=math.radians(chassis.pitch_deg_kg),
+        empty_kg=scenario.machine.mass_kg,
         squat_rad_s=2.0 * math.pi * chassis.squat_hz,
         squat_damping=chassis.squat_damping,
         boom_N=chassis.boom_kg * chassis.boom_stroke_m / 2.0 * boom_rad_s**2,

@@ -11,9 +11,18 @@ _AXLES_APART_M: Final = 1.2
 
 
 @inlined
+def left_of_cold(t: float, warming: float, warming_s: float) -> float:
+    """The share of a cold machine's friction that is left at a time."""
+    if warming == 0.0:
+        return 1.0
+    return 1.0 + warming * math.expm1(-t / warming_s)
+
+
+@inlined
 def held_by_friction(t: float, turn_rad_s: float, plant: Plant, stage: DriveStage) -> float:
     """What friction in newtons can hold, and slides with, at a time and a yaw rate."""
-    capacity = stage.coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
+    coulomb_N = stage.coulomb_N * left_of_cold(t, plant.coulomb_warming, plant.warming_s)
+    capacity = coulomb_N + plant.drag_N + stage.scrub_N_s_rad * abs(turn_rad_s)
     if stage.release_s > 0.0:
         since_s = t - stage.release_from_s
         capacity += stage.release_N * math.exp(-since_s / stage.release_s)

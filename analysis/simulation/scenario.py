@@ -40,6 +40,19 @@ class SimulatedMachine(BaseModel):
         default=2891.0, ge=0, le=1e6, description="viscous friction of driving"
     )
     coulomb_N: float = Field(default=0.0, ge=0, le=1e6, description="Coulomb friction of driving")
+    friction_warming: float = Field(
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="share of the viscous friction that a warm machine has lost; a log and a shift "
+        "begin cold",
+    )
+    coulomb_warming: float = Field(
+        default=0.0, ge=0, lt=1, description="likewise of the Coulomb friction"
+    )
+    warming_s: float = Field(
+        default=60.0, gt=0, le=1e5, description="time constant of both: exponential towards warm"
+    )
     inertia_z_kg_m2: float = Field(
         default=4000.0, gt=0, le=1e7, description="yaw inertia about the origin"
     )

@@ -267,7 +267,7 @@ class ShiftDriver(MachineDriver):
                 self._cycle,
                 self._number,
                 times,
-                body,
+                self.warmed(body, times.start_s),
                 begin_kg,
                 self._load_kg,
                 directions[math.copysign(1.0, sign) if sign else 0.0],

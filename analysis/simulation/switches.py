@@ -1,10 +1,19 @@
 """What the exact solution of a trial cannot give, so that a log is integrated as a whole."""
 
+from typing import Final
+
 from pydantic import BaseModel
 
 from analysis.simulation.manoeuvres import Excite, Manoeuvre, Rest, Start
 from analysis.simulation.scenario import Scenario
 from estimators.errors import ScenarioError
+
+#: Keys of other sections by which not all trials are alike, or one is not the same throughout.
+_CHANGES_ALONG: Final = {
+    "terrain": ("hills_deg",),
+    "machine": ("friction_warming", "coulomb_warming"),
+    "rolling": ("second_ground_more", "growth_s_m", "growth_s_rad"),
+}
 
 
 def integrated_for(scenario: Scenario) -> str | None:
@@ -22,11 +31,10 @@ def integrated_for(scenario: Scenario) -> str | None:
         changed = next(iter(section.model_dump(exclude_defaults=True)), None)
         if changed is not None:
             return f"{name}.{changed}"
-    if scenario.terrain.hills_deg:
-        return "terrain.hills_deg"
-    for key in ("second_ground_more", "growth_s_m", "growth_s_rad"):
-        if getattr(scenario.rolling, key):
-            return f"rolling.{key}"
+    for name, keys in _CHANGES_ALONG.items():
+        for key in keys:
+            if getattr(getattr(scenario, name), key):
+                return f"{name}.{key}"
     for number, manoeuvre in enumerate(scenario.campaign.manoeuvres):
         if isinstance(manoeuvre, Start):
             for key in ("coast_s", "digging_N"):

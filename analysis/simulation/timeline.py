@@ -119,6 +119,7 @@ class Timeline:
                     "load_kg": each.load_kg,
                     "load_end_kg": each.load_end_kg,
                     "mass_kg": each.body.mass_kg,
+                    "friction_N_s_m": each.body.friction_x_N_s_m,
                     "coulomb_N": each.body.coulomb_x_N,
                     "rolling_N": each.body.rolling_x_N,
                     "direction": each.direction,
