@@ -67,9 +67,7 @@ def partitions(
     scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
-    hinted = [
-        np.append(0, np.cumsum(units.kind >= least)) for least in (HINTED, FILLED) if n > 1
-    ]
+    hinted = [np.append(0, np.cumsum(units.kind >= least)) for least in (HINTED, FILLED) if n > 1]
     noise_alone = PartitionPosterior(units, spread, 0.0, None)
     begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]
     found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}

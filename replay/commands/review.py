@@ -64,10 +64,19 @@ def command(
 
 def print_review(screen: "Console", made: "Reviewed") -> None:
     """Print a review's sums, what is wrong with it, and where its page is."""
-    from recordings.review.page import NOT_CALIBRATED, PAGE, breakdown, facts, headline
+    from recordings.review.page import (
+        NOT_CALIBRATED,
+        PAGE,
+        breakdown,
+        facts,
+        headline,
+        missing_loads,
+    )
     from replay.commands.printing import print_line
 
     print_line(screen, headline(made.shift))
+    for sentence in missing_loads(made.shift):
+        print_line(screen, sentence)
     for name, value in (*facts(made.shift, made.target), *breakdown(made.ledger)):
         print_line(screen, f"{name}: {value}")
     if made.calibration.against:
