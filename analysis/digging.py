@@ -41,8 +41,8 @@ _LONGEST_S: Final = 15.0
 _FEWEST: Final = 60
 #: and one of less, in s, is a move of a moment: no bucket fills in it.
 _SHORTEST_S: Final = 1.3
-#: A resistance cannot grow by much more than the force that the log drives with: the machine's
-#: momentum adds a little. This is the largest growth of a start that digs, over that force.
+#: A resistance cannot grow by much more than the force that the log drives with, since only the
+#: machine's momentum adds to it: the largest growth of a start that digs, as a share of that force.
 _GROWS_MOST: Final = 1.5
 #: The mass of machine and load is this times the empty machine's, within this share of it,
 _HEAVIER: Final = 1.1

@@ -87,7 +87,8 @@ class ShiftFound:
         true_counted_t: dumped in the true cycles that are matched.
         found_t: sum of the review.
         u_t: its standard uncertainty, the random part and the common one.
-        lost_t: priced beside it, and the standard uncertainty of that.
+        lost_t: priced beside it (in gaps, and cycles without a mass), and the standard uncertainty
+            of that.
         deviations: of payloads that are matched, over their standard uncertainty.
         invented: cycles found while the machine stood idle.
         idle_s: how long it did.
@@ -281,7 +282,10 @@ def beside_truth(seed: int, mean_load_kg: float, made: Run, truth: dict[str, lis
         float(payload[list(pairs.values())].sum()) / 1e3,
         row["payload_kg"] / 1e3,
         (row["payload_u_random_kg"] / 1e3, row["payload_u_common_kg"] / 1e3),
-        (row["lost_kg"] / 1e3, row["lost_u_kg"] / 1e3),
+        (
+            (row["lost_kg"] + row["uncounted_kg"]) / 1e3,
+            float(np.hypot(row["lost_u_kg"], row["uncounted_u_kg"])) / 1e3,
+        ),
         tuple(map(float, deviations)),
         sum(any(begin < t < end for begin, end in stands) for t in mine.tolist()),
         float(sum(end - begin for begin, end in stands)),

@@ -123,10 +123,22 @@ def _candidates(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     level = units.y - units.x @ effects
     tried = {_two_levels(level, posterior.variance, units.kind).tobytes()}
     if np.count_nonzero(units.kind >= FILLED) > 1:
-        tried.add(_emptied_between(level, posterior.variance, units.kind).tobytes())
+        tried |= _cycles(posterior, effects)
     for probability in _CANDIDATES:
         for window in _WINDOWS:
             tried |= _alternated(posterior, window * spread, probability, effects)
+    return tried
+
+
+def _cycles(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
+    """Partitions that are filled and emptied, and their effects, until nothing changes."""
+    units, tried = posterior.units, set[bytes]()
+    for _ in range(_ROUNDS):
+        state = _emptied_between(units.y - units.x @ effects, posterior.variance, units.kind)
+        if state.tobytes() in tried:
+            break
+        tried.add(state.tobytes())
+        effects = posterior.effects(state)
     return tried
 
 

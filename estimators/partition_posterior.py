@@ -20,16 +20,22 @@ from scipy.special import betaln
 from estimators.estimate import Floats, Ints
 from estimators.units import FILLED, HINTED, Units
 
+Bools = NDArray[np.bool_]
+
 #: How far levels are apart, as standard deviations over their spread.
 _DEVIATIONS: Final = 0.5 ** np.arange(6)
 _HALF: Final = float(np.log(0.5))
 _THIRD: Final = float(np.log(1.0 / 3.0))
-#: How likely what tells a change has nothing to do with it in this series, by the boundary's kind:
-#: a boom also moves for other reasons, a bucket that fills does not.
-_TELLS_NOTHING: Final = {HINTED: 0.25, FILLED: 0.02}
-#: The rate of changes where something tells them has a density of p to this power: half of the
-#: booms' moves change the load or more, of fillings nine in ten.
-_RATE_POWER: Final = {HINTED: 1.0, FILLED: 9.0}
+#: How likely what tells a change (a boom that moves) has nothing to do with it in this series,
+_TELLS_NOTHING: Final = 0.25
+#: and what is taken for a filling.
+_FILLS_NOTHING: Final = 0.05
+#: How rarely one filling among others changes no level,
+_UNFILLED: Final = 0.003
+#: how rarely what is filled is not emptied once before it is filled again,
+_RARELY: Final = 0.05
+#: and how much likelier that is where something else tells a change.
+_HINT: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +183,38 @@ def _log_of_levels(level: Floats, variance: Floats, spread: float) -> float:
     return float(np.logaddexp.reduce(-0.5 * (misfit + logs)) - np.log(spread * _DEVIATIONS.size))
 
 
-def _log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
+def _log_prior(kind: Ints, changes: Bools) -> float:
+    """How probable changes are before the units are seen.
+
+    Where something is filled, it is as likely emptied once between each two fillings.
+    """
+    filling = kind >= FILLED
+    if not filling.any():
+        return _log_of_rates(kind, changes)
+    # or what is taken for a filling has nothing to do with it in this series
+    apart = _log_of_rates(np.where(filling, 1, kind), changes) + float(np.log(_FILLS_NOTHING))
+    return float(np.logaddexp(apart, _log_of_cycles(kind, changes) + np.log1p(-_FILLS_NOTHING)))
+
+
+def _log_of_cycles(kind: Ints, changes: Bools) -> float:
+    """Each filling a change, and one more before the next: at a hint rather than elsewhere."""
+    filling = kind >= FILLED
+    filled = filling & changes
+    stretch, number = np.cumsum(filled), int(filled.sum()) + 1
+    weight = np.where(filling | (kind == 0), 0.0, np.where(kind == HINTED, _HINT, 1.0))
+    total = np.bincount(stretch, weight, minlength=number)
+    emptied = changes & ~filling
+    often = np.bincount(stretch[emptied], minlength=number)
+    each = np.log(np.array([_RARELY, 1.0 - 2.0 * _RARELY, _RARELY]))[np.minimum(often, 2)]
+    # nothing can be seen where there is no place, and a log may begin or end anywhere
+    each[total == 0.0] = 0.0
+    each[[0, -1]] = np.where(often[[0, -1]] == 0, _HALF, each[[0, -1]])
+    where = float(np.log(weight[emptied] / total[stretch[emptied]]).sum())
+    fillings = np.where(changes[filling], np.log1p(-_UNFILLED), np.log(_UNFILLED))
+    return float(fillings.sum()) + float(each.sum()) + where
+
+
+def _log_of_rates(kind: Ints, changes: Bools) -> float:
     """No change as likely as some; then every rate of changes, and every choice of places.
 
     Where something else tells a change, the rate of changes is as likely as it is high, or what
@@ -187,11 +224,9 @@ def _log_prior(kind: Ints, changes: NDArray[np.bool_]) -> float:
     for each in np.unique(kind[kind > 0]):
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
         if each > 1:
-            # ∫ (r + 1) pʳ pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what is seen there tells nothing
-            power, nothing = _RATE_POWER[int(each)], _TELLS_NOTHING[int(each)]
-            by_rate = float(betaln(used + power + 1.0, places - used + 1))
-            by_rate += float(np.log(power + 1.0) + np.log1p(-nothing))
-            total += by_rate if used else float(np.logaddexp(by_rate, np.log(nothing)))
+            # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
+            by_rate = float(betaln(used + 2, places - used + 1)) - _HALF + np.log1p(-_TELLS_NOTHING)
+            total += by_rate if used else float(np.logaddexp(by_rate, np.log(_TELLS_NOTHING)))
         elif used:
             # ∫ pᵏ (1 - p)ⁿ⁻ᵏ dp
             total += float(betaln(used + 1, places - used + 1)) + _HALF

@@ -404,7 +404,9 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "
             "payload_kg payload_u_random_kg payload_u_common_kg payload_u_kg payload_mean_kg "
             "payload_std_kg carry_back_mean_kg carry_back_u_kg "
-            "lost_cycles lost_cycles_u lost_kg lost_u_kg duration_s gap_s idle_s utilisation_1"
+            "lost_cycles lost_cycles_u lost_kg lost_u_kg digs boom_dumps uncounted_cycles "
+            "uncounted_cycles_u uncounted_kg uncounted_u_kg on_board_kg on_board_u_kg "
+            "total_kg total_u_kg duration_s gap_s idle_s utilisation_1"
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",

@@ -236,8 +236,15 @@ def shift_lines(answer: Answer) -> list[str]:
     if not shift:
         return []
     u_kg = 2.0 * shift["payload_u_kg"]
+    total = ""
+    # a recording of an earlier version has no total
+    if shift.get("total_kg") is not None and shift["total_kg"] != shift["payload_kg"]:
+        total = (
+            f"; in the shift {shift['total_kg'] / 1e3:,.3f} ± {2.0 * shift['total_u_kg'] / 1e3:.3f}"
+            " t with what is not counted"
+        )
     return [
         f"{counted(shift['cycles_counted'], 'cycle')}, {shift['payload_kg'] / 1e3:,.3f} ± "
         f"{u_kg / 1e3:.3f} t (k = 2), {2.0 * shift['payload_u_common_kg'] / 1e3:.3f} t of that "
-        "common to all; `payscope review` lists them"
+        f"common to all{total}; `payscope review` lists them"
     ]

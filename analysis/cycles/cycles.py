@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.check import Verdict
 from analysis.cycles.parts import CycleParts, cycle_parts, dump_times
-from analysis.cycles.passes import Passes, passes
+from analysis.cycles.passes import NO_PASSES, Passes, passes
 from analysis.machine import Machine
 from analysis.schema import FRAMES, build
 from analysis.weighing.budget import budget, combined
@@ -78,11 +78,12 @@ def cycles(
         known: the passes, where they are not to be looked for.
     """
     digs = frames["digging"]
-    found = known or passes(frames["loads"], frames["manoeuvres"], digs)
-    if found is None:
-        return _frame([])
+    motion = frames["aligned"], frames["excitation"]
+    found = known or passes(frames["loads"], frames["manoeuvres"], digs, *motion) or NO_PASSES
     parts = cycle_parts(found, digs)
-    dump_times(parts, found, frames["aligned"], frames["excitation"])
+    if not parts:
+        return _frame([])
+    dump_times(parts, found, *motion)
     withheld = ", ".join(check.check for check in verdict.failed("mass"))
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
@@ -156,7 +157,7 @@ def _quality(row: dict[str, object], part: CycleParts) -> tuple[str, bool]:
     payload_kg, u_kg = row.get("payload_kg"), row.get("payload_u_kg")
     if not isinstance(payload_kg, float) or not isinstance(u_kg, float):
         return "no mass", False
-    if part.after is None:
+    if part.dump_ns is None:
         return "not dumped", False
     return ("weak" if u_kg > _WEAK * abs(payload_kg) else "good"), True
 

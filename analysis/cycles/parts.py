@@ -7,19 +7,16 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.passes import ONE_FILLING_NS, Passes
+from analysis.cycles.dumps import BOOM_MOVES_RAD, ONE_DUMP_NS
+from analysis.cycles.passes import Passes
 from analysis.schema import values
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _NS: Final = 1e9
-#: A boom that moves by so much while the machine stands tells when it dumps.
-_BOOM_MOVES_RAD: Final = 0.15
 #: So long without a sample it may have dumped there as well.
 _HOLE_S: Final = 5.0
-#: A boom that is out again within so long shakes its bucket.
-_ONE_DUMP_NS: Final = 10 * 10**9
 
 
 @dataclass
@@ -68,7 +65,8 @@ def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
                 now is not None
                 and now.loaded is None
                 and now.dig_ns is not None
-                and start_ns - now.dig_ns[1] < ONE_FILLING_NS
+                and start_ns - now.dig_ns[1] < found.one_filling_ns
+                and not found.dumps.within(now.dig_ns[1], start_ns)
             )
             inside = (
                 now is not None
@@ -108,9 +106,10 @@ def _with_neighbours(cycles: list[CycleParts], found: Passes) -> list[CycleParts
 def dump_times(
     cycles: list[CycleParts], found: Passes, aligned: pl.DataFrame, excitation: pl.DataFrame
 ) -> None:
-    """Find when each load is dumped: the stand after it in which the boom moves most.
+    """Find when each load is dumped: when the boom shows a dump.
 
-    Without a boom the longest stand. Nothing where it is neither empty nor digs afterwards.
+    Else in the stand after it in which the boom moves most, or the longest one; nothing where the
+    machine is neither empty nor digs afterwards, or no start tells of the load.
 
     Args:
         cycles: get their `dump_ns`.
@@ -121,25 +120,48 @@ def dump_times(
     t_ns = excitation["t_ns"].to_numpy()
     stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
     boom = values(aligned, "boom_rad")
-    for cycle, later in zip(cycles, [*cycles[1:], None], strict=True):
-        if cycle.loaded is None:
-            continue
-        ready = int(found.end_ns[cycle.loaded])
-        if cycle.after == cycle.loaded + 1:
-            empty = int(found.start_ns[cycle.after])
-        elif later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
-            empty = later.dig_ns[0]
-        else:
+    for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
+        ready = _filled_ns(cycle, found)
+        over = [int(ns) for ns in found.start_ns[np.searchsorted(found.start_ns, ready) :][:1]]
+        if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
+            over.append(later.dig_ns[0])
+        empty = min(over, default=int(t_ns[-1]))
+        dumped = found.dumps.within(ready, empty)
+        if not dumped and (cycle.loaded is None or not over):
             continue
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
+        if dumped:
+            cycle.dump_ns = _around(dumped[0], stands[part], t_ns[part])
+            cycle.dumped_ns = sum(dumped[0]) // 2
+            continue
         stand = _stand(stands[part], boom[part], t_ns[part])
-        hole = None if stand is not None and stand[2] else _hole(t_ns[part])
+        by_boom = stand is not None and stand[2]
+        hole = None if by_boom else _hole(t_ns[part])
         cycle.unseen = hole is not None
-        cycle.dump_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
-        cycle.dumped_ns = (cycle.dump_ns[0] + cycle.dump_ns[1]) // 2
-        if stand is not None and stand[2]:
+        found_ns = hole or (stand and stand[:2]) or (int(t_ns[first]), int(t_ns[last]))
+        cycle.dump_ns, cycle.dumped_ns = found_ns, sum(found_ns) // 2
+        if stand is not None and by_boom:
             cycle.dumped_ns = _farthest_ns(boom[part], t_ns[part], *stand[:2])
+
+
+def _filled_ns(cycle: CycleParts, found: Passes) -> int:
+    """When a load is last seen on the machine: at the end of its pass, or of its digging."""
+    if cycle.loaded is not None:
+        return int(found.end_ns[cycle.loaded])
+    assert cycle.dig_ns is not None
+    return cycle.dig_ns[1]
+
+
+def _around(span: tuple[int, int], stands: Bools, t_ns: Ints) -> tuple[int, int]:
+    """A stretch of time, and the stands that it begins and ends in."""
+    first, last = (int(k) for k in np.searchsorted(t_ns, span))
+    last = min(last, t_ns.size - 1)
+    while first > 0 and stands[first - 1]:
+        first -= 1
+    while last + 1 < t_ns.size and stands[last + 1]:
+        last += 1
+    return int(t_ns[first]), int(t_ns[last])
 
 
 def _hole(t_ns: Ints) -> tuple[int, int] | None:
@@ -159,7 +181,7 @@ def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, i
         return None
     moves = np.array([_range(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])
     length = (t_ns[ends] - t_ns[begins]).astype(np.float64)
-    by_boom = bool(moves.max() > _BOOM_MOVES_RAD)
+    by_boom = bool(moves.max() > BOOM_MOVES_RAD)
     best = int(np.argmax(moves if by_boom else length))
     return int(t_ns[begins[best]]), int(t_ns[ends[best]]), by_boom
 
@@ -174,7 +196,7 @@ def _farthest_ns(boom: NDArray[np.float64], t_ns: Ints, start_ns: int, end_ns: i
     angle, when = boom[inside], t_ns[inside]
     away = np.abs(angle - angle[0])
     out = when[away > away.max() / 2.0]
-    times = np.split(out, np.flatnonzero(np.diff(out) > _ONE_DUMP_NS) + 1)
+    times = np.split(out, np.flatnonzero(np.diff(out) > ONE_DUMP_NS) + 1)
     dump = next(each for each in times if each[-1] >= when[np.argmax(away)])
     return int(dump[0] + dump[-1]) // 2
 

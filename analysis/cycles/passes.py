@@ -1,4 +1,4 @@
-"""Which load states are empty and which are loaded, and what each pass between two changes weighs.
+"""What each pass between two changes of load weighs.
 
 A pass is a stretch of manoeuvres that are all loaded or all empty; states that differ by less than
 loaded and empty do (spillage, a state split in two) are one pass.
@@ -11,22 +11,23 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.cycles.dumps import NO_DUMPS, BoomDumps, boom_dumps
+from analysis.cycles.loaded_states import loaded_states
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
-#: Loaded and empty are told apart when their means lie so many deviations of a state apart.
-_APART: Final = 4.0
-#: A spread of fewer is that of the whole class.
+#: A load is spilled on the way when its last state is less than one before by so many deviations.
+_SPILLS: Final = 3.0
+#: Digging tells where loads are filled if this share of them is dug.
+_DIGGING_TELLS: Final = 0.5
+#: Fewer cycles do not tell how long one lasts.
 _FEWEST: Final = 4
-#: Standard deviation over the median absolute deviation of a normal distribution.
-_MAD: Final = 1.4826
-#: Starts that dig with nothing else between are one filling of the bucket, if no further apart.
-ONE_FILLING_NS: Final = 60 * 10**9
-#: Empty and loaded passes differ among themselves by at least these shares of a load: what is
-#: carried back has a long tail, and so have loads.
-_LEAST_LIGHT: Final = 0.05
-_LEAST_HEAVY: Final = 0.1
+#: Starts that dig with nothing else between are one filling of the bucket, if no further apart in
+#: ns than the shorter of this and a share of the time from digging to digging over an empty pass.
+_ONE_FILLING_NS: Final = 25 * 10**9
+_OF_A_CYCLE: Final = 0.5
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Passes:
         u_kg: (passes,) what is random of it: manoeuvres' own noise and their scatter.
         start_ns: (passes,) first fitted sample.
         end_ns: (passes,) last fitted sample.
+        one_filling_ns: starts that dig and are no further apart fill the bucket once.
+        dumps: that the boom shows.
     """
 
     of: Ints
@@ -50,15 +53,37 @@ class Passes:
     u_kg: Floats
     start_ns: Ints
     end_ns: Ints
+    one_filling_ns: int = _ONE_FILLING_NS
+    dumps: BoomDumps = NO_DUMPS
 
 
-def passes(loads: pl.DataFrame, manoeuvres: pl.DataFrame, digs: pl.DataFrame) -> Passes | None:
+#: Of a log whose loads cannot be told from empty passes.
+NO_PASSES: Final = Passes(
+    np.zeros(0, np.int64),
+    np.zeros(0),
+    np.zeros(0, np.bool_),
+    np.zeros(0),
+    np.zeros(0),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+)
+
+
+def passes(
+    loads: pl.DataFrame,
+    manoeuvres: pl.DataFrame,
+    digs: pl.DataFrame,
+    aligned: pl.DataFrame | None = None,
+    excitation: pl.DataFrame | None = None,
+) -> Passes | None:
     """Join manoeuvres to passes; None where loaded and empty cannot be told apart.
 
     Args:
         loads: for the scatter.
         manoeuvres: states and masses.
         digs: `digging`: what comes before a start that digs is empty, what comes after is loaded.
+        aligned: for the boom, where there is one.
+        excitation: for phases and speed.
     """
     if manoeuvres.is_empty() or manoeuvres["mass_kg"].null_count():
         return None
@@ -70,16 +95,27 @@ def passes(loads: pl.DataFrame, manoeuvres: pl.DataFrame, digs: pl.DataFrame) ->
     weight = 1.0 / (std**2 + scatter_kg**2)
     total = np.bincount(state, weight)
     mass_kg = np.bincount(state, weight * level) / total
-    loaded = _loaded(mass_kg, 1.0 / np.sqrt(total), _labels(mass_kg, state, begin, end, digs))
+    u_kg = 1.0 / np.sqrt(total)
+    loaded = loaded_states(mass_kg, u_kg, state, (begin, end), digs)
     if loaded is None:
         return None
     of_state = loaded[state]
+    dumps = NO_DUMPS
+    if aligned is not None and excitation is not None:
+        emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
+        known = [(int(end[k]), int(begin[k + 1])) for k in emptied]
+        dumps = boom_dumps(aligned, excitation, known)
+        of_state = _changed_at_dumps(of_state, begin, end, digs, dumps)
+    one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
     parts = np.diff(of_state) != 0
-    parts[_filled_again(of_state, begin, end, digs)] = True
+    parts[_filled_again(of_state, begin, end, digs, dumps, one_filling_ns)] = True
+    if digs.height < _DIGGING_TELLS * np.count_nonzero(parts & of_state[:-1]):
+        parts[_emptied_again(of_state, begin, end, dumps)] = True
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
-    total = np.bincount(of, weight)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
+    weight = np.where(_before_spilling(of_state, of, state, mass_kg, u_kg), 0.0, weight)
+    total = np.bincount(of, weight)
     return Passes(
         of,
         weight / total[of],
@@ -88,86 +124,105 @@ def passes(loads: pl.DataFrame, manoeuvres: pl.DataFrame, digs: pl.DataFrame) ->
         1.0 / np.sqrt(total),
         begin[first],
         end[last],
+        one_filling_ns,
+        dumps,
     )
 
 
-def _filled_again(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> list[int]:
-    """Places before which a loaded machine digs, so late that it was empty in between.
+def _one_filling_ns(loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame) -> int:
+    """How far apart starts are at most that fill the bucket once: less than a cycle lasts."""
+    starts = np.sort(digs["start_t_ns"].to_numpy())
+    stops = np.sort(digs["end_t_ns"].to_numpy())
+    middle = (begin + end) // 2
+    apart = [
+        int(start - stop)
+        for stop, start in zip(stops[:-1], starts[1:], strict=True)
+        if (seen := loaded[(middle > stop) & (middle < start)]).any() and not seen.all()
+    ]
+    if len(apart) < _FEWEST:
+        return _ONE_FILLING_NS
+    return min(_ONE_FILLING_NS, int(_OF_A_CYCLE * float(np.median(apart))))
 
-    No start tells of the empty drive: it was too short, or nothing was recorded.
+
+def _filled_again(
+    loaded: Bools,
+    begin: Ints,
+    end: Ints,
+    digs: pl.DataFrame,
+    dumps: BoomDumps,
+    one_filling_ns: int,
+) -> list[int]:
+    """Places before which a loaded machine digs after it was empty in between.
+
+    No start tells of the empty drive: it was too short, or nothing was recorded. The boom shows
+    that it dumped, or so much time went by.
     """
     found: list[int] = []
-    last_ns = -ONE_FILLING_NS
+    last_ns = -one_filling_ns
     for start, stop in digs.select("start_t_ns", "end_t_ns").sort("start_t_ns").iter_rows():
         after = int(np.searchsorted(begin, start, "left"))
         if 0 < after < loaded.size and loaded[after - 1] and loaded[after]:
             empties = np.flatnonzero(~loaded[:after])
             first = int(empties[-1]) + 1 if empties.size else 0
             since_ns = max(int(begin[first]), last_ns)
+            dumped = bool(dumps.within(int(end[after - 1]), start))
             # what drives while it is seen to dig is no haul
-            if start - since_ns > ONE_FILLING_NS and end[after - 1] <= start:
+            if (start - since_ns > one_filling_ns or dumped) and end[after - 1] <= start:
                 found.append(after - 1)
         last_ns = stop
     return found
 
 
-def _labels(mass_kg: Floats, state: Ints, begin: Ints, end: Ints, digs: pl.DataFrame) -> Ints:
-    """(states,) 0 where a start that digs follows, 1 where one came before, -1 else."""
-    label = np.full(mass_kg.size, -1)
-    for start, stop in digs.select("start_t_ns", "end_t_ns").iter_rows():
-        before = int(np.searchsorted(end, start, "right")) - 1
-        after = int(np.searchsorted(begin, stop, "left"))
-        if before < 0 or after >= state.size:
+def _changed_at_dumps(
+    loaded: Bools, begin: Ints, end: Ints, digs: pl.DataFrame, dumps: BoomDumps
+) -> Bools:
+    """(manoeuvres,) whether each is loaded, if loads are dumped where the boom shows it.
+
+    Where masses have a load dumped a few manoeuvres sooner or later, in a place in which the boom
+    shows nothing, what moves in between is on the other side.
+    """
+    at = [int(np.searchsorted(begin, sum(span) // 2)) for span in dumps.spans]
+    dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
+    moved = loaded.copy()
+    for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:
+        if dumps.within(int(end[first - 1]), int(begin[first])):
             continue
-        empty, full = state[before], state[after]
-        if mass_kg[full] > mass_kg[empty]:
-            label[empty], label[full] = 0, 1
-    return label
+        # from one filling to the next
+        low = int(max(dug[dug < first], default=0))
+        high = int(min(dug[dug >= first], default=loaded.size))
+        places = [place for place in at if low < place < high]
+        if len(places) == 1:
+            moved[places[0] : first] = False
+            moved[first : places[0]] = True
+    return moved
 
 
-def _loaded(mass_kg: Floats, u_kg: Floats, label: Ints) -> Bools | None:
-    """(states,) whether each is loaded: the side of a border between the two classes."""
-    if mass_kg.size < 2:
-        return None
-    told = (label == 0).any() and (label == 1).any()
-    border = _otsu(mass_kg)
-    light, heavy = mass_kg <= border, mass_kg > border
-    if told:
-        light, heavy = label == 0, label == 1
-    a, b = float(np.median(mass_kg[light])), float(np.median(mass_kg[heavy]))
-    least_kg = float(np.median(u_kg))
-    spread_kg = _spread(mass_kg[light], least_kg)
-    if not b - a > _APART * max(least_kg, spread_kg if light.sum() >= _FEWEST else 0.0):
-        return None
-    low = max(spread_kg, _LEAST_LIGHT * (b - a))
-    high = max(_spread(mass_kg[heavy], least_kg), _LEAST_HEAVY * (b - a))
-    border = (a * high + b * low) / (low + high)
-    return mass_kg > (_by_labels(mass_kg, label, border) if told else border)
-
-
-def _by_labels(mass_kg: Floats, label: Ints, border: float) -> float:
-    """The border that is at odds with the fewest labels, of several the one nearest to `border`."""
-    order = np.sort(mass_kg)
-    choices = np.append((order[1:] + order[:-1]) / 2.0, border)
-    wrong = [
-        int(np.sum((label == 0) & (mass_kg > choice)) + np.sum((label == 1) & (mass_kg <= choice)))
-        for choice in choices
+def _emptied_again(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> list[int]:
+    """Places between two loaded manoeuvres where the boom dumps: the second load is another."""
+    return [
+        k
+        for k in range(loaded.size - 1)
+        if loaded[k] and loaded[k + 1] and dumps.within(int(end[k]), int(begin[k + 1]))
     ]
-    best = choices[np.array(wrong) == min(wrong)]
-    return float(best[np.argmin(np.abs(best - border))])
 
 
-def _spread(values: Floats, least: float) -> float:
-    """Standard deviation by the median absolute deviation."""
-    return max(_MAD * float(np.median(np.abs(values - np.median(values)))), least)
+def _before_spilling(loaded: Bools, of: Ints, state: Ints, mass_kg: Floats, u_kg: Floats) -> Bools:
+    """(manoeuvres,) which carry a load that is spilled before it is dumped.
 
-
-def _otsu(values: Floats) -> float:
-    """The border that leaves the smallest sum of squares on both sides (Otsu 1979)."""
-    order = np.sort(values)
-    middles = (order[1:] + order[:-1]) / 2.0
-    sums = [
-        float(sum(np.var(part) * part.size for part in (order[:k], order[k:])))
-        for k in range(1, order.size)
-    ]
-    return float(middles[int(np.argmin(sums))])
+    Args:
+        loaded: (manoeuvres,).
+        of: (manoeuvres,) the pass of each.
+        state: (manoeuvres,) the load state of each.
+        mass_kg: (states,).
+        u_kg: (states,).
+    """
+    spilled = np.zeros(of.size, np.bool_)
+    for number in np.unique(of[loaded]):
+        inside = of == number
+        last = int(state[inside][-1])
+        for each in np.unique(state[inside]):
+            apart = float(np.hypot(u_kg[each], u_kg[last]))
+            spilled |= (
+                inside & (state == each) & bool(mass_kg[each] - mass_kg[last] > _SPILLS * apart)
+            )
+    return spilled

@@ -1,12 +1,17 @@
-"""Frame `shift`: what the cycles add up to, with what repeats and what is common kept apart."""
+"""Frame `shift`: what the cycles add up to, with what repeats and what is common kept apart.
 
-from collections.abc import Collection
-from typing import Final
+What was dumped in the shift is the counted cycles, those that the log shows without a mass, and
+those that holes hide; one uncertainty holds for all of it.
+"""
+
+from collections.abc import Collection, Mapping
+from typing import Any, Final
 
 import numpy as np
 import polars as pl
 
 from analysis.cycles.lost import holes, lost_cycles
+from analysis.cycles.uncounted import price_kg, uncounted_cycles
 from analysis.schema import FRAMES, build
 
 _NS: Final = 1e9
@@ -23,12 +28,12 @@ def shift(cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame)
         aligned: where nothing was recorded.
     """
     gaps = holes(excitation, aligned)
-    lost = lost_cycles(cycles, gaps)
+    lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
     t_ns = excitation["t_ns"].to_numpy()
     duration_s = float(t_ns[-1] - t_ns[0]) / _NS if t_ns.size else 0.0
     gap_s = sum(end - start for start, end in gaps) / _NS
     idle_s = _idle_s(excitation)
-    row = {
+    row: dict[str, Any] = {
         "start_t_ns": int(t_ns[0]) if t_ns.size else 0,
         "end_t_ns": int(t_ns[-1]) if t_ns.size else 0,
         **_sums(cycles, ()),
@@ -36,11 +41,18 @@ def shift(cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame)
         "lost_cycles_u": lost.u,
         "lost_kg": lost.payload_kg,
         "lost_u_kg": lost.payload_u_kg,
+        "digs": cycles.height - cycles["dig_t_ns"].null_count(),
+        "boom_dumps": more.dumps,
+        "uncounted_cycles": more.cycles,
+        "uncounted_cycles_u": more.u,
+        "on_board_kg": more.on_board_kg,
+        "on_board_u_kg": more.on_board_u_kg,
         "duration_s": duration_s,
         "gap_s": gap_s,
         "idle_s": idle_s,
         "utilisation_1": max(duration_s - gap_s - idle_s, 0.0) / max(duration_s - gap_s, 1e-9),
     }
+    row |= _total(row)
     declared = FRAMES["shift"].columns
     return build("shift", {c.name: pl.Series([row[c.name]], dtype=c.dtype) for c in declared})
 
@@ -58,8 +70,39 @@ def recounted(
     sums = _sums(cycles, rejected)
     mean_kg = summary["payload_mean_kg"][0]
     scale = float(sums["payload_mean_kg"] or 0.0) / mean_kg if mean_kg else 1.0
-    values = [pl.lit(sums[name]).cast(summary.schema[name]).alias(name) for name in sums]
-    return summary.with_columns(*values, pl.col("lost_kg", "lost_u_kg") * scale)
+    row = summary.row(0, named=True)
+    # a payload that the calibration refuses was dumped all the same
+    refused = int(sums["cycles_without_mass"] or 0) - int(row["cycles_without_mass"] or 0)
+    found = sums | {
+        "uncounted_cycles": (row["uncounted_cycles"] or 0.0) + refused,
+        "lost_kg": (row["lost_kg"] or 0.0) * scale,
+        "lost_u_kg": (row["lost_u_kg"] or 0.0) * scale,
+    }
+    found |= _total(row | found)
+    return summary.with_columns(
+        pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
+    )
+
+
+def _total(row: Mapping[str, Any]) -> dict[str, float]:
+    """What was dumped in the shift: counted, uncounted and lost, under one uncertainty.
+
+    What is common to all payloads is common to those that are priced by them.
+    """
+    counted_kg, lost_kg = row["payload_kg"], row["lost_kg"] or 0.0
+    number_u = row["uncounted_cycles_u"] or 0.0
+    more_kg, more_u_kg = price_kg(
+        row["uncounted_cycles"] or 0.0, number_u, row["payload_mean_kg"], row["payload_std_kg"]
+    )
+    total_kg = counted_kg + more_kg + lost_kg
+    common_kg = row["payload_u_common_kg"] * (total_kg / counted_kg if counted_kg > 0.0 else 1.0)
+    parts = (row["payload_u_random_kg"], common_kg, more_u_kg, row["lost_u_kg"] or 0.0)
+    return {
+        "uncounted_kg": more_kg,
+        "uncounted_u_kg": more_u_kg,
+        "total_kg": total_kg,
+        "total_u_kg": float(np.linalg.norm(parts)),
+    }
 
 
 def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, float | int | None]:

@@ -154,7 +154,12 @@ def again(
     extra: tuple[Nuisance, ...] = (),
     rounds: int = 1,
 ) -> JointFit:
-    """Fit the same samples with other priors, or with further terms behind the others."""
+    """Fit the same samples with other priors, or with further terms behind the others.
+
+    Drifts that the log is unlikely to have stay left out.
+    """
+    if found.drifts is not None:
+        priors = found.drifts.narrowed(priors)
     terms = (*found.terms, *extra)
     task = _Task(found.motion, noise, priors, terms, found.kinematics, found.states)
     fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found)
@@ -170,16 +175,11 @@ def again(
     )
 
 
-def with_likely_drifts(
-    found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
-) -> tuple[JointFit, PriorSettings]:
-    """Fit without the drifts that the log is unlikely to have; also the priors of that fit."""
+def with_likely_drifts(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+    """Fit without the drifts that the log is unlikely to have."""
     likely = LikelyDrifts.of(found.fit, found.count, found.terms, found.prior_std)
-    if likely is None:
-        return found, priors
-    narrowed = likely.narrowed(priors)
-    fitted = again(found, noise, narrowed, rounds=2) if likely.left_out else found
-    return replace(fitted, drifts=likely), narrowed
+    found = replace(found, drifts=likely)
+    return again(found, noise, priors, rounds=2) if likely and likely.left_out else found
 
 
 def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:

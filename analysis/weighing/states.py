@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.equation import Equation, Floats, Ints, begins
+from analysis.weighing.equation import Equation, Floats, Ints, begins, ends
 from estimators.changepoints import Partitions, partitions
 from estimators.levels import Levels
 from estimators.partition_posterior import Partition
@@ -148,14 +148,25 @@ class States:
 def stretch_units(motion: Equation) -> Ints:
     """The manoeuvre of each stretch, (stretches,).
 
-    One that is too short to tell a mass goes with the one before it.
+    One that is too short to tell a mass goes with the one before it, or with the one after it where
+    something tells that the load changed before and not after.
     """
     unit = motion.unit[begins(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
     tells = samples >= min(_TELLS, samples.max())
-    last = np.maximum.accumulate(np.where(tells, np.arange(number.size), -1))
-    return number[np.where(last < 0, np.argmax(tells), last)][of]
+    place = np.arange(number.size)
+    before = np.maximum.accumulate(np.where(tells, place, -1))
+    after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]
+    goes = np.where(before < 0, np.argmax(tells), before)
+    first, last = (np.flatnonzero(each(motion.group)) for each in (begins, ends))
+    for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
+        left, here, right = (of == each for each in (before[short], short, after[short]))
+        begin, end = first[here][0], last[here][-1]
+        changed = _place(motion, slice(last[left][-1], begin + 1)) > 1
+        if changed and _place(motion, slice(end, first[right][0] + 1)) == 1:
+            goes[short] = after[short]
+    return number[goes][of]
 
 
 def sample_units(motion: Equation) -> Ints:

@@ -169,7 +169,7 @@ def weigh(
                     fit = with_states(alone, fitted, machine.machine.repeatability_kg)
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
-    fit, priors = with_likely_drifts(fit, columns, priors)
+    fit = with_likely_drifts(fit, columns, priors)
     fit = with_squat(fit, priors)
     fit = with_responses(fit, columns, priors)
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))

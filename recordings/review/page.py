@@ -107,7 +107,30 @@ def headline(shift: Mapping[str, Any], why_not: str) -> str:
     if why_not:
         return f"No tonnes: {why_not}"
     loads = counted(shift["cycles_counted"], "load")
-    return f"{_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
+    answer = f"{_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
+    if not _is_priced(shift):
+        return answer
+    return f"{_tonnes(shift['total_kg'], K * shift['total_u_kg'])} in the shift: {answer} counted"
+
+
+def _is_priced(shift: Mapping[str, Any]) -> bool:
+    """Whether the shift's total has more in it than the counted loads."""
+    parts = ("uncounted_kg", "uncounted_u_kg", "lost_kg", "lost_u_kg")
+    return any(shift[name] > 0.0 for name in parts)
+
+
+def missing_loads(shift: Mapping[str, Any]) -> list[str]:
+    """What the total cannot hold: loads that were seen and have no price, or are not dumped."""
+    found: list[str] = []
+    if shift["uncounted_cycles"] > 0.0 and not shift["cycles_counted"]:
+        found.append(
+            f"Not weighed: about {shift['uncounted_cycles']:.0f} cycles that digging or the boom "
+            "shows; no load has a mass to price them by."
+        )
+    if shift["on_board_kg"] is not None:
+        load = _tonnes(shift["on_board_kg"], K * shift["on_board_u_kg"])
+        found.append(f"On board when the recording ends: {load}, not counted.")
+    return found
 
 
 def no_tonnes(state: ReviewState, ledger: pl.DataFrame) -> str:
@@ -142,15 +165,20 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
                 f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t: more loads do not shrink it",
             ),
             (
-                "not counted",
-                f"{shift['lost_cycles']:.1f} ± {K * shift['lost_cycles_u']:.1f} cycles, "
-                f"{_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])} in gaps and torn files",
+                "estimated in gaps and torn files",
+                f"{_number(shift['lost_cycles'], shift['lost_cycles_u'])} cycles, "
+                f"{_tonnes(shift['lost_kg'], K * shift['lost_u_kg'])}",
+            ),
+            (
+                "estimated for cycles without a mass",
+                f"{_number(shift['uncounted_cycles'], shift['uncounted_cycles_u'])} cycles, "
+                f"{_tonnes(shift['uncounted_kg'], K * shift['uncounted_u_kg'])}",
             ),
         ]
     found.append(
         (
             "cycles",
-            f"{shift['cycles']} seen, {shift['cycles_counted']} counted, "
+            f"{shift['cycles']} seen ({_seen_by(shift)}), {shift['cycles_counted']} counted, "
             f"{shift['cycles_rejected']} rejected, {shift['cycles_without_mass']} without a mass",
         )
     )
@@ -170,6 +198,15 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
     if target is not None:
         found.append(("10/10/20", target_sentence(target)))
     return found
+
+
+def _number(cycles: float, u: float) -> str:
+    return f"{cycles:.1f} ± {K * u:.1f}"
+
+
+def _seen_by(shift: Mapping[str, Any]) -> str:
+    boom = "no boom" if shift["boom_dumps"] is None else f"{shift['boom_dumps']} dumps of the boom"
+    return f"{shift['digs']} with digging, {boom}"
 
 
 def breakdown(ledger: pl.DataFrame) -> list[tuple[str, str]]:
@@ -205,8 +242,8 @@ def _tonnes(kg: float, u_kg: float) -> str:
 
 
 def _warnings(page: ReviewPage) -> list[str]:
-    state = page.state
-    found: list[str] = []
+    state, shift = page.state, page.shift
+    found = missing_loads(shift)
     if state.losses:
         found.append(f"Damaged or incomplete: {counted(len(state.losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]

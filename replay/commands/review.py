@@ -70,11 +70,20 @@ def print_review(screen: "Console", made: "Reviewed") -> None:
 
     Why there are no tonnes is a message, which the command prints on stderr.
     """
-    from recordings.review.page import NOT_CALIBRATED, PAGE, breakdown, facts, headline
+    from recordings.review.page import (
+        NOT_CALIBRATED,
+        PAGE,
+        breakdown,
+        facts,
+        headline,
+        missing_loads,
+    )
     from replay.commands.printing import print_line
 
     if not made.no_tonnes:
         print_line(screen, headline(made.shift, ""))
+    for sentence in missing_loads(made.shift):
+        print_line(screen, sentence)
     for name, value in (*facts(made.shift, made.target), *breakdown(made.ledger)):
         print_line(screen, f"{name}: {value}")
     if made.calibration.against:

@@ -99,6 +99,29 @@ class TestPartitions:
             assert hinted.best.states > 4
             assert hinted.single_probability < 0.5 * found.single_probability
 
+    def test_loads_that_a_direction_could_explain_are_told_where_each_change_is_hinted(self):
+        """Empty forward and loaded in reverse: one level takes effects that hide all changes."""
+        direction = np.tile([1.0, -1.0], 40)
+        loads = np.random.default_rng(1).normal(700.0, 120.0, 40)
+        levels = 3600.0 + np.column_stack([np.zeros(40), loads]).ravel()
+        kind = [3, 2] * 39 + [3]
+        assert 76 <= len(set(state_of(levels, effect=direction, kind=kind))) <= 80
+
+    def test_loads_below_the_scatter_are_told_where_something_is_filled_and_emptied(self):
+        levels, kind = np.tile([3600.0, 3600.0, 3655.0, 3655.0], 10), ([1, 3, 1, 2] * 10)[:-1]
+        for seed in range(5):
+            bare = partitions(units(levels, seed=seed, scatter=40.0), SPREAD, USUAL).best
+            filled = partitions(units(levels, seed=seed, scatter=40.0, kind=kind), SPREAD, USUAL)
+            assert bare.states < 5
+            assert filled.best.states >= 18
+
+    @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
+    def test_what_is_taken_for_fillings_may_tell_nothing(self, scatter):
+        kind = ([1, 3, 1, 2] * 8)[:-1]
+        drawn = [units([3600.0] * 32, seed=k, scatter=scatter, kind=kind) for k in range(20)]
+        states = [partitions(each, SPREAD, USUAL).best.states for each in drawn]
+        assert np.mean(np.array(states) == 1) >= 0.8
+
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_what_moves_everywhere_may_tell_nothing(self, scatter):
         for seed in range(10):

@@ -18,6 +18,10 @@ def drawn_shift(
     digs: bool = True,
     unseen: tuple[int, ...] = (),
     unseen_empty: tuple[int, ...] = (),
+    unseen_digs: tuple[int, ...] = (),
+    boom: bool = False,
+    pace: float = 1.0,
+    idle_s: float = 0.0,
 ) -> dict[str, pl.DataFrame]:
     """Frames of a shift: two empty starts, digging, two loaded starts, a dump, again and again.
 
@@ -29,6 +33,10 @@ def drawn_shift(
         digs: whether digging is seen.
         unseen: cycles of whose load no start tells a mass.
         unseen_empty: cycles before whose load none does.
+        unseen_digs: cycles whose digging is not seen.
+        boom: whether there is one, which is out from 81 to 86 s of each cycle.
+        pace: how much faster everything is.
+        idle_s: stand after the last cycle.
     """
     random = np.random.default_rng(seed)
     carried = carried_kg or [0.0] * len(payloads_kg)
@@ -47,7 +55,7 @@ def drawn_shift(
             ]
         before = after
     rows.append((len(payloads_kg) * PERIOD_S + 5.0, 3600.0 + before))
-    start = np.array([s for s, _ in rows])
+    start = np.array([s for s, _ in rows]) / pace
     mass = np.array([m for _, m in rows])
     state = np.cumsum(np.append(0, np.abs(np.diff(mass)) > 50.0))
     manoeuvres = build(
@@ -55,7 +63,7 @@ def drawn_shift(
         {
             "load_id": state,
             "start_t_ns": (start * NS).astype(np.int64),
-            "end_t_ns": ((start + 10.0) * NS).astype(np.int64),
+            "end_t_ns": ((start + 10.0 / pace) * NS).astype(np.int64),
             "mass_kg": mass + random.normal(0.0, noise_kg, mass.size),
             "mass_std_kg": np.full(mass.size, max(noise_kg, 1.0)),
         },
@@ -63,22 +71,25 @@ def drawn_shift(
     loads = pl.DataFrame(
         {"load_id": np.unique(state), "scatter_kg": 0.0, "withheld": False, "withheld_for": ""}
     )
-    t_ns = np.arange(0, int((start[-1] + 15.0) * NS), NS // 10)
-    seconds = t_ns / NS % PERIOD_S
-    still = (seconds > 77.0) & (seconds < 90.0)
-    spans = dug if digs else []
+    works_s = len(payloads_kg) * PERIOD_S / pace + 15.0
+    t_ns = np.arange(0, int((works_s + idle_s) * NS), NS // 10)
+    seconds = t_ns / NS * pace % PERIOD_S
+    still = ((seconds > 77.0) & (seconds < 90.0)) | (t_ns > works_s * NS)
+    out = (seconds > 81.0) & (seconds < 86.0) & (t_ns < works_s * NS)
+    spans = [span for k, span in enumerate(dug) if digs and k not in unseen_digs]
+    angles = {"boom_rad": np.where(out, 0.9, 0.2)} if boom else {}
     return {
         "manoeuvres": manoeuvres,
         "loads": loads,
         "digging": build(
             "digging",
             {
-                "start_t_ns": pl.Series([int(a * NS) for a, _ in spans], dtype=pl.Int64),
-                "end_t_ns": pl.Series([int(b * NS) for _, b in spans], dtype=pl.Int64),
+                "start_t_ns": pl.Series([int(a / pace * NS) for a, _ in spans], dtype=pl.Int64),
+                "end_t_ns": pl.Series([int(b / pace * NS) for _, b in spans], dtype=pl.Int64),
             },
         ),
         "excitation": pl.DataFrame(
             {"t_ns": t_ns, "phase": np.where(still, "standstill", "cruising")}
         ),
-        "aligned": pl.DataFrame({"t_ns": t_ns, "gap": np.zeros(t_ns.size, np.bool_)}),
+        "aligned": pl.DataFrame({"t_ns": t_ns, "gap": np.zeros(t_ns.size, np.bool_), **angles}),
     }

@@ -94,7 +94,7 @@ def test_a_load_that_is_not_dumped_in_the_recording_is_not_counted() -> None:
 
 
 def test_one_load_throughout_is_no_cycle() -> None:
-    frames = drawn_shift([700.0])
+    frames = drawn_shift([700.0], digs=False)
     frames["manoeuvres"] = frames["manoeuvres"].head(2)
     frames["loads"] = frames["loads"].head(1)
     assert found(frames).is_empty()

@@ -1,0 +1,111 @@
+"""Cycles that a shift shows and that have no mass, in number and kg, with their uncertainty.
+
+Digging, dumps of the boom and counted cycles are compared. What two of them show was a cycle; what
+only one shows was one with a probability: more where the log has no second witness, less where it
+has one that is silent.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.dumps import ONE_DUMP_NS, BoomDumps, boom_dumps
+
+#: Probability that digging or a dump of the boom was a cycle: where the log has no other witness,
+_ALONE: Final = 0.75
+#: and where it has one, which is silent.
+_CONTRADICTED: Final = 0.25
+#: Probability that a load is dumped where the recording goes on without its machine being seen to.
+_MAY_DUMP: Final = 0.5
+#: A recording that goes on for so long behind the last haul, in ns, may have a dump in it.
+_TIME_TO_DUMP_NS: Final = 3 * 10**9
+#: Loads differ by this share of one where a single one is known.
+_SPREAD: Final = 0.5
+#: Digging is a witness where so many of the counted cycles have it.
+_MOSTLY: Final = 0.5
+
+
+class UncountedCycles(NamedTuple):
+    """Cycles without a mass.
+
+    Attributes:
+        dumps: of the boom, over the whole shift; None where the boom shows none.
+        cycles: expected number.
+        u: its standard uncertainty.
+        on_board_kg: the load that is not dumped when the recording ends, where there is one.
+        on_board_u_kg: its standard uncertainty.
+    """
+
+    dumps: int | None
+    cycles: float
+    u: float
+    on_board_kg: float | None
+    on_board_u_kg: float | None
+
+
+def uncounted_cycles(
+    cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame
+) -> UncountedCycles:
+    """Compare digging, dumps of the boom and counted cycles.
+
+    Args:
+        cycles: the frame.
+        excitation: phases and speed.
+        aligned: `boom_rad`, where there is one.
+    """
+    t_ns = excitation["t_ns"].to_numpy()
+    end_ns = int(t_ns[-1]) if t_ns.size else 0
+    times = cycles["dump_t_ns"].drop_nulls().to_list()
+    boom = boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
+    likely = _of_rows(cycles, boom) + _of_dumps(cycles, boom)
+    on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
+    load_kg = load_u_kg = None
+    if on_board.height:
+        load_kg, load_u_kg = on_board["payload_kg"][0], on_board["payload_u_kg"][0]
+        goes_on = end_ns - int(on_board["end_t_ns"][0]) > _TIME_TO_DUMP_NS
+        likely += [_MAY_DUMP] * (goes_on and not boom.tells)
+    p = np.array(likely, np.float64)
+    return UncountedCycles(
+        len(boom.spans) if boom.tells else None,
+        float(p.sum()),
+        float(np.sqrt((p * (1.0 - p)).sum())),
+        load_kg,
+        load_u_kg,
+    )
+
+
+def price_kg(
+    number: float, number_u: float, mean_kg: float | None, std_kg: float | None
+) -> tuple[float, float]:
+    """What so many cycles carried, and its standard uncertainty, by the loads that have a mass.
+
+    Args:
+        number: of cycles.
+        number_u: its standard uncertainty.
+        mean_kg: of the counted payloads.
+        std_kg: their standard deviation.
+    """
+    if mean_kg is None:
+        return 0.0, 0.0
+    spread_kg = _SPREAD * abs(mean_kg) if std_kg is None else std_kg
+    return number * mean_kg, float(np.sqrt((number_u * mean_kg) ** 2 + number * spread_kg**2))
+
+
+def _of_rows(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
+    """How likely each row without a mass was a cycle."""
+    alone = _CONTRADICTED if boom.tells else _ALONE
+    blank = cycles.filter(pl.col("payload_kg").is_null())
+    witnessed = blank["dump_t_ns"].is_not_null() | blank["haul_s"].is_not_null()
+    return [1.0 if each else alone for each in witnessed]
+
+
+def _of_dumps(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
+    """How likely each dump of the boom that is no cycle's was one."""
+    counted = cycles.filter(pl.col("counted"))
+    dug = counted.height - counted["dig_t_ns"].null_count()
+    alone = _CONTRADICTED if dug >= _MOSTLY * max(counted.height, 1) else _ALONE
+    dumped = cycles["dump_t_ns"].drop_nulls().to_numpy()
+    middles = np.array([sum(span) // 2 for span in boom.spans], np.int64)
+    free = [each for each in middles if not (np.abs(dumped - each) <= ONE_DUMP_NS).any()]
+    return [alone] * len(free)

@@ -1,0 +1,51 @@
+"""A manoeuvre too short to tell a mass goes with the one whose load it carries."""
+
+import numpy as np
+import pytest
+
+from analysis.weighing.equation import Equation
+from analysis.weighing.states import places, stretch_units
+from estimators.units import FILLED, HINTED
+
+#: Samples of a manoeuvre, of one too short to tell a mass, and of the stand between.
+LONG, SHORT, STAND = 200, 20, 100
+
+
+def manoeuvres(boom: list[float], digs: list[bool]) -> Equation:
+    """A long manoeuvre, a short one and a long one, with stands between them.
+
+    Args:
+        boom: how far the boom is out in each of the two stands, in rad.
+        digs: whether the machine digs in each.
+    """
+    sizes = [LONG, STAND, SHORT, STAND, LONG]
+    part = np.repeat(np.arange(5), sizes)
+    n = part.size
+    moving = part % 2 == 0
+    arm, dug = np.zeros(n), np.zeros(n, np.bool_)
+    for stand in (0, 1):
+        here = np.flatnonzero(part == 1 + 2 * stand)
+        arm[here[30:60]] = boom[stand]
+        dug[here] = digs[stand]
+    ones = np.ones(n)
+    return Equation(
+        ones, ones, ones, np.where(moving, part // 2, -1), ones, part // 2, 100.0,
+        None, None, np.arange(n) / n - 0.5, False, 1.0, 35_000.0, (arm,), dug,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("boom", "with_number"),
+    [([0.0, 0.0], 0), ([0.8, 0.0], 2), ([0.0, 0.8], 0), ([0.8, 0.8], 0)],
+)
+def test_it_goes_with_the_one_behind_where_the_boom_dumps_before_it(
+    boom: list[float], with_number: int
+) -> None:
+    units = stretch_units(manoeuvres(boom, [False, False]))
+    assert units.tolist() == [0, with_number, 2]
+
+
+def test_digging_between_manoeuvres_is_a_filling_and_a_boom_a_hint() -> None:
+    assert places(manoeuvres([0.8, 0.8], [False, True])).tolist() == [FILLED]
+    assert places(manoeuvres([0.8, 0.0], [False, False])).tolist() == [HINTED]
+    assert places(manoeuvres([0.0, 0.0], [False, False])).tolist() == [1]
