@@ -18,6 +18,7 @@ from analysis.weighing.equation import (
 )
 from analysis.weighing.nuisances import Moments, Nuisance
 from estimators import group_sums
+from estimators.fit_loss import group_rows
 from estimators.group_mean import trailing_group_means
 from estimators.group_sums import NoiseMoments
 from estimators.threads import mapped
@@ -79,6 +80,8 @@ class EarlierRounds:
         speed_late_s: how late the speed is, by the wheels.
         motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
         relative_loads: of the load states; None where there is one.
+        ground_1_s: how much the ground's force differs from stretch to stretch, in variances of the
+            noise of a second.
     """
 
     lag_s: float = 0.0
@@ -89,6 +92,7 @@ class EarlierRounds:
     speed_late_s: float = 0.0
     motion_gain: float = 0.0
     relative_loads: RelativeLoads | None = None
+    ground_1_s: float = 0.0
 
     def acting(self, motion: Equation) -> Floats:
         """The force on the ground, (n,) in N, of a motion whose force is in time."""
@@ -150,14 +154,32 @@ def averages(
     )
     A *= weight[:, None]
     f *= weight
+    group = np.concatenate([piece.group for piece in pieces])
+    if found.ground_1_s:
+        _whiten_constants(A, f, group, found.ground_1_s * stride_of(samples) / motion.rate_hz)
     return Averages(
         A,
         f,
-        np.concatenate([piece.group for piece in pieces]),
+        group,
         np.concatenate([piece.raw.direction for piece in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
         max(_SHORTEST // stride_of(samples), 6),
     )
+
+
+def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
+    """Take off each stretch's mean as much as its constant is unknown (random intercepts).
+
+    Args:
+        A: (rows, p) columns, changed in place.
+        f: (rows,) likewise.
+        group: (rows,) stretch.
+        ratio: variance of the constants over that of a row.
+    """
+    for part in group_rows(group):
+        off = 1.0 - 1.0 / np.sqrt(1.0 + ratio * part.size)
+        A[part] -= off * A[part].mean(axis=0)
+        f[part] -= off * f[part].mean()
 
 
 @dataclass(frozen=True, slots=True)

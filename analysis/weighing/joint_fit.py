@@ -9,6 +9,7 @@ from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages
 from analysis.weighing.drifts import NARROW, LikelyDrifts
 from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
+from analysis.weighing.ground import ground_scatter
 from analysis.weighing.joint_result import JointFit, MotionResponses, PriorMeans, place_of
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import (
@@ -71,12 +72,14 @@ class Fitted:
         noise: of acceleration, speed and force.
         priors: of the nuisances.
         wheels: what they say of the accelerometer, the force as it was measured.
+        ground_1_s: how much the ground's force differs from stretch to stretch (`ground_scatter`).
     """
 
     motion: Equation
     noise: NoiseOfColumns
     priors: PriorSettings
     wheels: Kinematics | None
+    ground_1_s: float = 0.0
 
     @classmethod
     def of(cls, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
@@ -92,7 +95,7 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     terms = tuple(
         term for term in NUISANCES if term.applies(motion) and (several or not term.by_load)
     )
-    whole = _Task(motion, of.noise, of.priors, terms, of.wheels, states)
+    whole = _Task(motion, of.noise, of.priors, terms, of.wheels, states, of.ground_1_s)
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
@@ -215,6 +218,7 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.theta).all():
         return replace(found, states=untold_states(number))
+    found, of = _with_ground(found, of)
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
         task = _Task(found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states)
@@ -233,6 +237,20 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
     return found
 
 
+def _with_ground(found: JointFit, of: Fitted) -> tuple[JointFit, Fitted]:
+    """Fit once more with constants that scatter from stretch to stretch, where they do."""
+    rows = averages(found.motion, of.noise, found.terms, found.mean_samples, found.found)
+    shared = found.theta[found.count :].copy()
+    if found.shifted:
+        # the force has been moved back by it
+        shared[1 + place_of("lag", found.terms)] = 0.0
+    scatter_1_s = ground_scatter(rows, shared, found.mean_samples, found.motion.rate_hz)
+    if not scatter_1_s:
+        return found, of
+    of = replace(of, ground_1_s=scatter_1_s)
+    return joint_fit(of, found.states), of
+
+
 @dataclass(frozen=True)
 class _Task:
     """What is to be fitted, and what is known."""
@@ -243,6 +261,7 @@ class _Task:
     terms: tuple[Nuisance, ...]
     wheels: Kinematics | None
     states: States | None
+    ground_1_s: float = 0.0
 
     def beginning(self, stretches: int) -> "_Task":
         """The same up to the end of so many stretches."""
@@ -270,6 +289,7 @@ class _Task:
                 slip_1_N=self._slip(),
                 speed_late_s=self._speed_late_s(),
                 relative_loads=self._relative_loads(),
+                ground_1_s=self.ground_1_s,
             )
         )
         known = known if shift else replace(known, lag_s=0.0)

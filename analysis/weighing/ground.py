@@ -1,0 +1,65 @@
+"""Ground that holds the machine by another force from place to place.
+
+A start on soft ground and one on hard ground differ by a constant force, which a mass alone would
+have to take. How much such constants scatter is told by the stretches themselves, each with a mass
+of its own; a scatter that chance explains is none.
+"""
+
+from typing import Final
+
+import numpy as np
+from scipy.special import chdtrc
+
+from analysis.weighing.averages import Averages, stride_of
+from analysis.weighing.equation import Floats
+from estimators.autocorrelation import pooled_autocorrelation
+from estimators.fit_loss import group_ids, group_rows
+
+#: Chance makes constants differ as much with this probability: in few logs of a thousand.
+_BY_CHANCE: Final = 1e-3
+#: Fewer stretches do not tell how they scatter.
+_FEWEST: Final = 6
+
+
+def ground_scatter(rows: Averages, shared: Floats, samples: int, rate_hz: float) -> float:
+    """Variance of the stretches' constants over that of the noise of a second's mean, in 1/s.
+
+    By the moments of their weighted squares (DerSimonian and Laird 1986); 0 where chance explains
+    them.
+
+    Args:
+        rows: what is fitted: acceleration first.
+        shared: (p - 1,) parameters of the other columns, which all stretches share.
+        samples: of a mean.
+        rate_hz: of the grid.
+    """
+    left = rows.f - rows.A[:, 1:] @ shared
+    index = np.full(rows.f.size, -1, np.int64)
+    residual = np.zeros(rows.f.size)
+    means, squares = [], []
+    parts = dict(zip(group_ids(rows.group).tolist(), group_rows(rows.group), strict=True))
+    told = {number: part for number, part in parts.items() if part.size >= rows.shortest}
+    if len(told) < _FEWEST:
+        return 0.0
+    for number, part in told.items():
+        own = np.column_stack([rows.A[part, 0], np.ones(part.size)])
+        (_, constant), *_ = np.linalg.lstsq(own, left[part])
+        residual[part] = left[part] - own @ np.linalg.lstsq(own, left[part])[0]
+        index[part] = number
+        a = own[:, 0]
+        # what of a constant the acceleration does not take
+        squares.append(part.size - a.sum() ** 2 / (a @ a))
+        means.append(constant * rows.direction[part[0]])
+    correlation, _ = pooled_autocorrelation(residual, index, None)
+    freedom = int((index >= 0).sum()) - 2 * len(told)
+    white = float(residual @ residual) / max(freedom, 1)
+    noise = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
+    constant, weight = np.array(means), np.array(squares) / noise
+    mean = float(weight @ constant / weight.sum())
+    misfit, count = float(weight @ (constant - mean) ** 2), constant.size
+    if not noise > 0.0 or float(chdtrc(count - 1, misfit)) > _BY_CHANCE:
+        return 0.0
+    spare = float(weight.sum() - (weight @ weight) / weight.sum())
+    variance = (misfit - (count - 1)) / spare
+    rows_a_second = rate_hz / stride_of(samples)
+    return variance * rows_a_second / noise
