@@ -208,7 +208,7 @@ def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
         return (other.theta[:count] - found.theta[:count]) / by
 
     later = replace(known, speed_late_s=known.speed_late_s + _LATER_S)
-    larger = replace(known, motion_gain=_LARGER)
+    larger = replace(known, motion_gain=known.motion_gain + _LARGER)
     responses = MotionResponses(moved(later, _LATER_S), moved(larger, _LARGER))
     return replace(found, by_motion=responses)
 
@@ -287,6 +287,7 @@ class _Task:
             if begin
             else EarlierRounds(
                 slip_1_N=self._slip(),
+                motion_gain=self._squat_gain(),
                 speed_late_s=self._speed_late_s(),
                 relative_loads=self._relative_loads(),
                 ground_1_s=self.ground_1_s,
@@ -396,6 +397,11 @@ class _Task:
         wheels = self.wheels
         told = wheels is not None and wheels.goes_together and self.motion.by_accelerometer
         return wheels.delay_s[0] if wheels is not None and told else 0.0
+
+    def _squat_gain(self) -> float:
+        """What is added to the acceleration's own part: its squat, where the pitch shows it."""
+        told = self.wheels is not None and self.motion.by_accelerometer
+        return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
     def _slip(self) -> float:
         """What share of its speed a newton makes the wheels slip."""

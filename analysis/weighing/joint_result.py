@@ -176,7 +176,7 @@ class JointFit:
             "scatter": root(fit.scatter),
             "other_reading": 0.0 if self.states is None else self.states.other_reading_kg(weights),
             "other_drifts": 0.0 if self.drifts is None else self.drifts.doubt_kg(weights),
-            "squat": 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg),
+            "squat": float(np.hypot(self._of_pitch(weights), self._of_squat(weights))),
             "misfit": root(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,
             "averaging": abs(self.averaging_share * mass_kg),
@@ -192,6 +192,16 @@ class JointFit:
             moved_kg = 0.0 if self.by_motion is None else float(weights @ self.by_motion.gain_kg)
             parts["gain"] = times * abs(wheels.gain[0]) * max(abs(mass_kg), abs(moved_kg))
         return parts
+
+    def _of_squat(self, weights: Floats) -> float:
+        """What is uncertain of a gain that changes with the load, of a sum of masses in kg."""
+        return 0.0 if self.squat is None else self.squat.u_kg(weights, self.masses_kg)
+
+    def _of_pitch(self, weights: Floats) -> float:
+        """What is uncertain of the squat that the pitch shows, likewise."""
+        if self.kinematics is None or not self.motion.by_accelerometer:
+            return 0.0
+        return self.kinematics.squat[1] * abs(float(weights @ self.masses_kg))
 
     @cached_property
     def term_responses(self) -> Floats:

@@ -52,8 +52,10 @@ _SETTLED_S: Final = 5e-4
 _LONGEST_DELAY_S: Final = 0.15
 #: Of its speed, no wheel that weighs slips more.
 _MOST_SLIP: Final = 0.4
-#: Pitch and acceleration that correlate so well are a squat.
-_TOGETHER: Final = 0.8
+#: A squat that adds less than this share of the acceleration does not matter,
+_LEAST_SQUAT: Final = 0.005
+#: and fewer stretches do not tell it from hills.
+_FEWEST_STRETCHES: Final = 6
 #: Residuals of so many times the noise of the speed: the two do not go together.
 _MISMATCH: Final = 3.0
 
@@ -75,6 +77,8 @@ class Kinematics:
         mismatch: residuals over the speed's noise; above 3 slip and delay are not taken from here.
         prior_std: (3,) of slip, gain and delay.
         mean_u: (3,) likewise, standard uncertainty of what a calibration learnt; else 0.
+        squat: share of the acceleration that the pitch adds to the accelerometer, value and
+            deviation: the pitch shows it, so that it is taken off; else 0.
         own: what this log says where a calibration's words stand here instead.
     """
 
@@ -87,6 +91,7 @@ class Kinematics:
     mismatch: float
     prior_std: Floats
     mean_u: Floats
+    squat: tuple[float, float] = (0.0, 0.0)
     own: "Kinematics | None" = None
 
     @property
@@ -148,30 +153,39 @@ def kinematics(
         return None
     told = None if earlier is None or not earlier.is_found else earlier.own or earlier
     found = _compared(motion.specific_force, motion, noise, priors, told)
-    if found is None or found.goes_together or motion.without_gravity is None:
+    if found is None or motion.without_gravity is None:
+        return found
+    squat = _squat(motion.specific_force - motion.without_gravity, motion)
+    if squat is None and found.goes_together:
         return found
     level = _compared(motion.without_gravity, motion, noise, priors, told)
     if level is None or not level.goes_together:
         return found
-    # a body that squats under acceleration pitches with it, one on hills does not
-    share, together = _pitches(motion.specific_force - motion.without_gravity, motion)
-    if together < _TOGETHER:
-        return level
-    return replace(level, gain=(-share / (1.0 + share), 0.0), gain_counts=True)
+    return level if squat is None else replace(level, squat=squat)
 
 
-def _pitches(gravity: Floats, motion: Equation) -> tuple[float, float]:
-    """By which share of the acceleration the pitch's gravity follows it, and their correlation."""
+def _squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None:
+    """By which share of the acceleration the pitch's gravity follows it; None where it does not.
+
+    A body that squats pitches with every acceleration alike; on hills it is now up, now down.
+
+    Returns:
+        The share and its standard deviation, by stretches.
+    """
     assert motion.without_gravity is not None
-    about = [
-        np.column_stack([motion.without_gravity[part], gravity[part]])
-        for part in group_rows(motion.group)
-    ]
-    both = np.concatenate([part - part.mean(axis=0) for part in about])
-    (a_a, a_g), (_, g_g) = both.T @ both
-    if not a_a or not g_g:
-        return 0.0, 0.0
-    return float(a_g / a_a), float(abs(a_g) / np.sqrt(a_a * g_g))
+    pairs: list[tuple[float, float]] = []
+    for part in group_rows(motion.group):
+        if part.size < 10 * _MEAN:
+            continue
+        a, g = (_without_line(_means(x[part])) for x in (motion.without_gravity, gravity))
+        pairs.append((float(a @ g), float(a @ a)))
+    both, square = np.array(pairs).reshape(-1, 2).T
+    if both.size < _FEWEST_STRETCHES or not square.all():
+        return None
+    share = float(both.sum() / square.sum())
+    scatter = float(((both - share * square) ** 2).sum()) * both.size / (both.size - 1)
+    std = float(np.sqrt(scatter)) / float(square.sum())
+    return (share, std) if abs(share) > max(_LEAST_SQUAT, _GAIN_COUNTS * std) else None
 
 
 def _compared(
