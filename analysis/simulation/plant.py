@@ -16,7 +16,12 @@ from typing import Final
 import numpy as np
 
 from analysis.simulation.plant_inputs import DriveStage, Plant
-from analysis.simulation.resistance import held_by_friction, left_of_cold, rolling_resistance
+from analysis.simulation.resistance import (
+    gentle_braking,
+    held_by_friction,
+    left_of_cold,
+    rolling_resistance,
+)
 from analysis.simulation.waveforms import Floats
 from estimators.compiled import compiled, inlined
 
@@ -97,7 +102,9 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
     capacity = held_by_friction(t, turn, plant, stage)
-    capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant)
+    capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant) + gentle_braking(
+        t, grip, mass, gravity, plant, stage
+    )
     # material that stood takes up the body's speed
     filling = stage.fill_kg_s * body
     soft = plant.resonance_rad_s > 0.0

@@ -65,6 +65,9 @@ class DriveStage(NamedTuple):
     stick_rad_s: float = 0.0
     turn_rad_s: float = 0.0
     scrub_N_s_rad: float = 0.0
+    #: Unseen brakes hold this deceleration, and the machine on its slope.
+    gentle_m_s2: float = 0.0
+    gentle_from_s: float = 0.0
     #: 1: ahead is along the way; -1: against it.
     facing: float = 1.0
 
