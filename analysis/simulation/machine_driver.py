@@ -36,7 +36,8 @@ class StartOrder:
     """What the operator does in one start.
 
     `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut;
-    `distance_m` is when to stand again, instead of after `cruise_s`.
+    of `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead
+    of after `cruise_s`.
     """
 
     sign: float
@@ -47,6 +48,8 @@ class StartOrder:
     digging_N: float = 0.0
     digging_s: float = 1.0
     fill_kg_s: float = 0.0
+    load_kg: float = 0.0
+    spill_1_s: float = 0.0
     distance_m: float | None = None
 
 
@@ -115,8 +118,11 @@ class MachineDriver:
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
-    def start(self, order: StartOrder, body: RigidBody) -> tuple[ManoeuvreTimes, float]:
-        """Throttle, cruise, perhaps coast, brake; the times, and what has been filled in.
+    def start(self, order: StartOrder, body: RigidBody) -> tuple[ManoeuvreTimes, float, float]:
+        """Throttle, cruise, perhaps coast, brake.
+
+        Returns:
+            The times, what has been filled in and what has fallen off, in kg.
 
         Raises:
             ScenarioError: the machine does not move, does not stop, or goes too fast.
@@ -136,6 +142,8 @@ class MachineDriver:
             drive_N=full_N,
             one_way=order.sign,
             fill_kg_s=order.fill_kg_s,
+            load_kg=order.load_kg,
+            spill_1_s=order.spill_1_s,
             coulomb_N=body.coulomb_x_N,
             release_N=brakes.release_N,
             release_from_s=begin_s,
@@ -157,9 +165,19 @@ class MachineDriver:
                 f"{abs(full_N):.0f} N; raise campaign.throttle_force_N or starts.throttle_least"
             )
         filled_kg = order.fill_kg_s * order.start_s
-        steady = opened._replace(
-            begin_s=self.time_s, mass_kg=body.mass_kg + filled_kg, one_way=0.0, stick_share=0.0
-        )
+
+        def spilled_kg() -> float:
+            return order.load_kg * -math.expm1(-order.spill_1_s * (self.time_s - begin_s))
+
+        def now(stage: DriveStage) -> DriveStage:
+            lost_kg = spilled_kg()
+            return stage._replace(
+                begin_s=self.time_s,
+                mass_kg=body.mass_kg + filled_kg - lost_kg,
+                load_kg=order.load_kg - lost_kg,
+            )
+
+        steady = now(opened)._replace(one_way=0.0, stick_share=0.0)
         cruise_s = order.cruise_s
         if order.distance_m is not None:
             cruise_s = self._until(abs(self.position_m - begin_m), order.distance_m, body)
@@ -168,24 +186,22 @@ class MachineDriver:
         self.advance(STEADY, keeping, cruise_s - lead_s)
         filled_kg += order.fill_kg_s * (cruise_s - lead_s)
         braking_s = self.time_s
-        braked = keeping._replace(
-            begin_s=braking_s,
-            mass_kg=body.mass_kg + filled_kg,
+        braked = now(keeping)._replace(
             fill_kg_s=0.0,
             gentle_m_s2=brakes.gentle_m_s2,
             gentle_from_s=braking_s,
         )
         if lead_s:
             self.advance(BRAKING, braked, lead_s)
-        shut = braked._replace(begin_s=self.time_s, drive_N=0.0)
+        shut = now(braked)._replace(drive_N=0.0)
         if order.coast_s:
             self.advance(FREE, shut, order.coast_s)
         if not brakes.gentle_m_s2:
             braking_s = self.time_s
-        self.brake(shut._replace(begin_s=self.time_s))
+        self.brake(now(shut))
         self.starts += 1
         times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
-        return times, filled_kg
+        return times, filled_kg, spilled_kg()
 
     def brake(self, stage: DriveStage) -> None:
         """Brake until the machine stands.
