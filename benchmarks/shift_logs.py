@@ -16,7 +16,7 @@ from analysis.machine import Machine
 from analysis.run import Run
 from analysis.settings import PriorSettings
 from analysis.simulation import Scenario
-from analysis.simulation.designs import LOADER_KG, Sections
+from analysis.simulation.designs import LOADER_KG, Sections, joined, with_field_physics
 from analysis.simulation.shift_limits import check_shift
 from estimators.errors import ScenarioError
 from replay import load_machine, open_log
@@ -143,21 +143,29 @@ class ShiftFound:
         return json.dumps(asdict(self))
 
 
-def drawn_shift(seed: int, hours: float = 2.0, break_s: float = 0.0) -> tuple[Scenario, Machine]:
+def drawn_shift(
+    seed: int, hours: float = 2.0, break_s: float = 0.0, *, physics: bool = False
+) -> tuple[Scenario, Machine]:
     """A shift and the machine file of who reviews it: nuisances are as their priors have them.
 
     Args:
         seed: of everything.
         hours: of work.
         break_s: stand in the middle of it, beside those hours.
+        physics: on real ground (`with_field_physics`), with loads that spill and pour.
     """
     for again in range(_TRIES):
         dice = np.random.default_rng([seed, again, 20_270])
         sections = _sections(dice, seed, hours, break_s)
+        if physics:
+            sections = _on_real_ground(sections, seed + 1000 * again)
         scenario = Scenario.model_validate(sections)
         assert scenario.shift is not None
         try:
             check_shift(scenario, scenario.shift)
+            if physics:
+                steepest = _at_its_steepest(scenario)
+                check_shift(steepest, scenario.shift)
         except ScenarioError:
             continue
         stated = {
@@ -226,7 +234,30 @@ def _sections(dice: np.random.Generator, seed: int, hours: float, break_s: float
     }
 
 
-def reviewed_shift(seed: int, folder: Path, hours: float = 2.0, break_s: float = 0.0) -> ShiftFound:
+def _on_real_ground(sections: Sections, seed: int) -> Sections:
+    """The shift with field physics, and in every third one each a load that spills or pours."""
+    dice = np.random.default_rng([seed, 20_272])
+    losing: Sections = {
+        "shift": {
+            "spill_1_s": float(dice.uniform(0.001, 0.01)) if dice.random() < 1 / 3 else 0.0,
+            "pour_cycles": float(dice.uniform(0.1, 0.5)) if dice.random() < 1 / 3 else 0.0,
+            "pour_share": float(dice.uniform(0.1, 0.25)),
+        }
+    }
+    return joined(with_field_physics(sections, seed), losing)
+
+
+def _at_its_steepest(scenario: Scenario) -> Scenario:
+    """The shift on one slope, as steep as its hills are anywhere."""
+    terrain = scenario.terrain
+    steepest_deg = float(np.copysign(abs(terrain.slope_deg) + terrain.hills_deg, terrain.slope_deg))
+    changed = terrain.model_copy(update={"slope_deg": steepest_deg})
+    return scenario.model_copy(update={"terrain": changed})
+
+
+def reviewed_shift(
+    seed: int, folder: Path, hours: float = 2.0, break_s: float = 0.0, *, physics: bool = False
+) -> ShiftFound:
     """Simulate a shift as MCAP logs, replay them in one time line, compare.
 
     Args:
@@ -234,8 +265,9 @@ def reviewed_shift(seed: int, folder: Path, hours: float = 2.0, break_s: float =
         folder: for the logs.
         hours: of work.
         break_s: see `drawn_shift`.
+        physics: likewise.
     """
-    scenario, machine = drawn_shift(seed, hours, break_s)
+    scenario, machine = drawn_shift(seed, hours, break_s, physics=physics)
     logs = simulate(scenario, folder / "shift.mcap", force=True)
     truth = json.loads(shift_truth_path(folder / "shift.mcap").read_text(encoding="utf-8"))
     with ExitStack() as stack:

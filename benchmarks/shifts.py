@@ -1,12 +1,13 @@
 """Whether reviews of shifts are right: cycles found, tonnes in their interval, nothing invented.
 
     python -P benchmarks/shifts.py [--shifts 20] [--breaks 4] [--seed 74000] [--json FILE]
-                                   [--read FILE] [--write]
+                                   [--read FILE] [--write] [--physics]
 
 Simulates shifts of two hours as logs and replays each in one time line, then some more with an hour
 of idling in the middle. `--json` keeps what was found, a line a shift, as it comes, and goes on
 where it ended; `--read` makes the tables of that without another run; `--write` puts them into
-docs/reviewing-a-shift.md.
+docs/reviewing-a-shift.md. `--physics` drives on real ground, with loads that spill and pour; these
+shifts are others than those of the page, and are not written.
 """
 
 import json
@@ -27,7 +28,9 @@ K: Final = 2.0
 _HOUR_S: Final = 3600.0
 
 
-def reviewed(seeds: list[tuple[int, float]], kept: Path | None) -> Iterator[ShiftFound]:
+def reviewed(
+    seeds: list[tuple[int, float]], kept: Path | None, *, physics: bool
+) -> Iterator[ShiftFound]:
     """Each shift, kept as it comes."""
     before = {each.seed: each for each in read(kept)} if kept is not None and kept.exists() else {}
     for number, (seed, break_s) in enumerate(seeds, start=1):
@@ -36,7 +39,7 @@ def reviewed(seeds: list[tuple[int, float]], kept: Path | None) -> Iterator[Shif
             continue
         began = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
-            found = reviewed_shift(seed, Path(folder), break_s=break_s)
+            found = reviewed_shift(seed, Path(folder), break_s=break_s, physics=physics)
         if kept is not None:
             with kept.open("a", encoding="utf-8") as lines:
                 lines.write(found.to_json() + "\n")
@@ -109,10 +112,13 @@ def main(
     kept: Annotated[Path | None, typer.Option("--json")] = None,
     again: Annotated[Path | None, typer.Option("--read")] = None,
     write: bool = False,
+    physics: bool = False,
 ) -> None:
+    if write and physics:
+        raise typer.BadParameter("--write is for the shifts without --physics")
     seeds = [(seed + k, 0.0) for k in range(shifts)]
     seeds += [(seed + 500 + k, _HOUR_S) for k in range(breaks)]
-    found = list(reviewed(seeds, kept)) if again is None else read(again)
+    found = list(reviewed(seeds, kept, physics=physics)) if again is None else read(again)
     text = f"{table(found)}\n\n{totals(found)}"
     print(text)
     if write:

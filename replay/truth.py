@@ -38,10 +38,11 @@ def write_truth(simulated: SimulatedLog, log: Path) -> None:
 def write_shift_truth(
     truth: "ShiftTruth", scenario: Scenario, logs: Sequence[Path], path: Path
 ) -> None:
-    """Write what is true of a whole shift: its cycles, stands and logs, in unix ns."""
+    """Write what is true of a whole shift: its cycles, dumps, stands and logs, in unix ns."""
     named = truth.logs.insert_column(0, pl.Series("log", [log.name for log in logs]))
     whole = {
         "cycles": truth.cycles.to_dicts(),
+        "dumps": truth.dumps.to_dicts(),
         "stands": truth.stands.to_dicts(),
         "logs": named.to_dicts(),
         "scenario": scenario.model_dump(mode="json"),

@@ -36,7 +36,7 @@ class SimulatedLog:
         manoeuvres: a row a manoeuvre: `run`, `manoeuvre` (its number in the trial), `kind`, and the
             unix times `start_ns drive_ns steady_ns braking_ns end_ns` (null for what it has not);
             `load_kg mass_kg friction_N_s_m coulomb_N rolling_N` where it begins, `load_end_kg`
-            where it brakes, and of a start its `direction` and its share of full `throttle`.
+            where it ends, and of a start its `direction` and its share of full `throttle`.
         timeline: the motion without noise, at any time.
         phase_s: when each topic is first sampled, in s since the log's beginning.
         torn_share: the part of the file that is torn off at its end.

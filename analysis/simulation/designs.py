@@ -24,7 +24,13 @@ _BY_FORCE: Final = frozenset(
 #: to the mass,
 _BY_MASS: Final = frozenset({"rotating_kg", "boom_kg", "change_kg", "fill_kg_s", "loads_kg"})
 #: and to its inverse.
-_OVER_MASS: Final = frozenset({"force_share_1_kg"})
+_OVER_MASS: Final = frozenset({"force_share_1_kg", "squat_deg_s2_m_kg", "pitch_deg_kg"})
+#: Standard gravity, which newtons of a weight are taken with here.
+_G_M_S2: Final = 9.80665
+#: Of the least throttle so much may go into rolling, or a machine hardly starts.
+_MOST_ROLLING: Final = 0.5
+#: A bucket holds so much of the machine's mass: what springs do is drawn for a full one.
+_FULL_BUCKET: Final = 0.25
 
 
 def drawn(seed: int) -> Sections:
@@ -73,6 +79,47 @@ def drawn(seed: int) -> Sections:
         },
         "sampling": {f"{topic}_rate_hz": rate_hz() for topic in ("imu", "torque", "speed")},
     }
+
+
+def with_field_physics(design: Sections, seed: int) -> Sections:
+    """A design on real ground, with instruments as they are mounted and brakes as they are used.
+
+    Rolling resistance of 0.5 to 4 % of the weight on two grounds, a biased and tilted
+    accelerometer, springs that give way under load, friction that warms, and every second time
+    gentle brakes.
+
+    Args:
+        design: with its mass, its throttle and the least share of it.
+        seed: what is drawn depends on it alone; not on what the design was drawn from.
+    """
+    dice = np.random.default_rng([seed, 20_271])
+
+    def between(low: float, high: float) -> float:
+        return float(dice.uniform(low, high))
+
+    mass_kg = design["machine"]["mass_kg"]
+    least_N = design["campaign"]["throttle_force_N"] * design["starts"]["throttle_least"]
+    most = min(0.04, _MOST_ROLLING * least_N / (mass_kg * _G_M_S2))
+    here, there = between(0.005, most), between(0.005, most)
+    brakes = {"gentle_m_s2": between(0.05, 0.3), "gentle_lead_s": between(0.2, 1.0)}
+    physics: Sections = {
+        "rolling": {
+            "coefficient": here,
+            "second_ground_more": there - here if dice.random() < 0.5 else 0.0,
+            "ground_length_m": between(8.0, 40.0),
+            "growth_s_m": between(0.0, 0.05),
+        },
+        "machine": {"friction_warming": between(0.0, 0.25), "warming_s": between(20.0, 200.0)},
+        "sensors": {"acc_bias_m_s2": between(-0.1, 0.1)},
+        "defects": {"acc_tilt_deg": between(-1.0, 1.0)},
+        "chassis": {
+            "squat_deg_s2_m": between(0.0, 0.3),
+            "squat_deg_s2_m_kg": between(0.0, 0.3) / (_FULL_BUCKET * mass_kg),
+            "pitch_deg_kg": between(-0.7, 0.3) / (_FULL_BUCKET * mass_kg),
+        },
+        "brakes": brakes if dice.random() < 0.5 else {},
+    }
+    return joined(design, physics)
 
 
 def joined(*parts: Mapping[str, Mapping[str, Any]]) -> Sections:

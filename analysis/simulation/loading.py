@@ -29,6 +29,14 @@ class SimulatedLoading(BaseModel):
         "it is emptied when the machine stands",
     )
 
+    spill_1_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="part of the load that falls off a second of driving, exponentially; what is "
+        "lost stays lost until the load changes",
+    )
+
     def added_kg(self, start: int) -> float:
         """The change of the load at a start of the log, counted from 0."""
         late = 0 < self.change_before_start <= start

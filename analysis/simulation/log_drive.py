@@ -66,11 +66,16 @@ class _TrialDriver(MachineDriver):
         self.mass_kg = RigidBody.loaded(scenario, load_kg).mass_kg
         #: Whether a stand has the load of the start after it, or, as logs of before have it, the
         #: one that the log began with.
-        self._stands_loaded = bool(scenario.chassis.pitch_deg_kg)
+        self._stands_loaded = bool(scenario.chassis.pitch_deg_kg or scenario.loading.spill_1_s)
+        self._added_kg, self._lost_kg = 0.0, 0.0
 
     def drive(self, trial: int, number: int, manoeuvre: Manoeuvre, trial_begin_s: float) -> None:
         """One manoeuvre, from standing to standing."""
-        load_kg = self._load_kg + self.scenario.loading.added_kg(self.starts)
+        loading = self.scenario.loading
+        added_kg = loading.added_kg(self.starts)
+        if added_kg != self._added_kg:
+            self._added_kg, self._lost_kg = added_kg, 0.0
+        load_kg = self._load_kg + added_kg - self._lost_kg
         body = RigidBody.loaded(self.scenario, load_kg)
         body = replace(body, rolling_x_N=self.rolling_resistance(body.mass_kg))
         if self._stands_loaded:
@@ -92,10 +97,15 @@ class _TrialDriver(MachineDriver):
                     manoeuvre.coast_s,
                     manoeuvre.digging_N,
                     manoeuvre.digging_s,
-                    self.scenario.loading.fill_kg_s,
+                    loading.fill_kg_s,
+                    load_kg,
+                    loading.spill_1_s,
                 )
-                times, filled_kg = self.start(order, body)
-                load_end_kg += filled_kg
+                times, filled_kg, spilled_kg = self.start(order, body)
+                load_end_kg += filled_kg - spilled_kg
+                self._lost_kg += spilled_kg
+                if self._stands_loaded:
+                    self.mass_kg = body.mass_kg - spilled_kg
             case Excite():
                 times = self._excite(manoeuvre, body)
             case _:

@@ -36,7 +36,8 @@ class StartOrder:
     """What the operator does in one start.
 
     `sign` is 1 ahead, -1 back; `digging_N` grows during `digging_s` until the throttle is shut;
-    `distance_m` is when to stand again, instead of after `cruise_s`.
+    of `load_kg` a part `spill_1_s` falls off a second; `distance_m` is when to stand again, instead
+    of after `cruise_s`.
     """
 
     sign: float
@@ -47,6 +48,8 @@ class StartOrder:
     digging_N: float = 0.0
     digging_s: float = 1.0
     fill_kg_s: float = 0.0
+    load_kg: float = 0.0
+    spill_1_s: float = 0.0
     distance_m: float | None = None
 
 
@@ -115,8 +118,11 @@ class MachineDriver:
         self.facing = -self.facing
         return ManoeuvreTimes("spin", begin_s, begin_s, None, None, self.time_s)
 
-    def start(self, order: StartOrder, body: RigidBody) -> tuple[ManoeuvreTimes, float]:
-        """Throttle, cruise, perhaps coast, brake; the times, and what has been filled in.
+    def start(self, order: StartOrder, body: RigidBody) -> tuple[ManoeuvreTimes, float, float]:
+        """Throttle, cruise, perhaps coast, brake.
+
+        Returns:
+            The times, what has been filled in and what has fallen off, in kg.
 
         Raises:
             ScenarioError: the machine does not move, does not stop, or goes too fast.
@@ -136,6 +142,8 @@ class MachineDriver:
             drive_N=full_N,
             one_way=order.sign,
             fill_kg_s=order.fill_kg_s,
+            load_kg=order.load_kg,
+            spill_1_s=order.spill_1_s,
             coulomb_N=body.coulomb_x_N,
             release_N=brakes.release_N,
             release_from_s=begin_s,
@@ -157,24 +165,43 @@ class MachineDriver:
                 f"{abs(full_N):.0f} N; raise campaign.throttle_force_N or starts.throttle_least"
             )
         filled_kg = order.fill_kg_s * order.start_s
-        steady = opened._replace(
-            begin_s=self.time_s, mass_kg=body.mass_kg + filled_kg, one_way=0.0, stick_share=0.0
-        )
+
+        def spilled_kg() -> float:
+            return order.load_kg * -math.expm1(-order.spill_1_s * (self.time_s - begin_s))
+
+        def now(stage: DriveStage) -> DriveStage:
+            lost_kg = spilled_kg()
+            return stage._replace(
+                begin_s=self.time_s,
+                mass_kg=body.mass_kg + filled_kg - lost_kg,
+                load_kg=order.load_kg - lost_kg,
+            )
+
+        steady = now(opened)._replace(one_way=0.0, stick_share=0.0)
         cruise_s = order.cruise_s
         if order.distance_m is not None:
-            cruise_s = self._until(abs(self.position_m - begin_m), order.distance_m)
-        self.advance(STEADY, steady._replace(drive_N=self._keeping(steady, full_N)), cruise_s)
-        filled_kg += order.fill_kg_s * cruise_s
-        shut = steady._replace(
-            begin_s=self.time_s, mass_kg=body.mass_kg + filled_kg, drive_N=0.0, fill_kg_s=0.0
+            cruise_s = self._until(abs(self.position_m - begin_m), order.distance_m, body)
+        lead_s = min(brakes.gentle_lead_s, cruise_s) if brakes.gentle_m_s2 else 0.0
+        keeping = steady._replace(drive_N=self._keeping(steady, full_N))
+        self.advance(STEADY, keeping, cruise_s - lead_s)
+        filled_kg += order.fill_kg_s * (cruise_s - lead_s)
+        braking_s = self.time_s
+        braked = now(keeping)._replace(
+            fill_kg_s=0.0,
+            gentle_m_s2=brakes.gentle_m_s2,
+            gentle_from_s=braking_s,
         )
+        if lead_s:
+            self.advance(BRAKING, braked, lead_s)
+        shut = now(braked)._replace(drive_N=0.0)
         if order.coast_s:
             self.advance(FREE, shut, order.coast_s)
-        braking_s = self.time_s
-        self.brake(shut._replace(begin_s=self.time_s))
+        if not brakes.gentle_m_s2:
+            braking_s = self.time_s
+        self.brake(now(shut))
         self.starts += 1
         times = ManoeuvreTimes("start", begin_s, begin_s, steady_s, braking_s, self.time_s)
-        return times, filled_kg
+        return times, filled_kg, spilled_kg()
 
     def brake(self, stage: DriveStage) -> None:
         """Brake until the machine stands.
@@ -185,7 +212,11 @@ class MachineDriver:
         speed = float(self.state[plant.WHEEL])
         if speed == 0.0:
             return
-        brake_N = math.copysign(stage.mass_kg * self.scenario.campaign.braking_m_s2, speed)
+        gentle_m_s2 = self.scenario.brakes.gentle_m_s2
+        if gentle_m_s2 and not stage.gentle_m_s2:
+            stage = stage._replace(gentle_m_s2=gentle_m_s2, gentle_from_s=stage.begin_s)
+        braking_m_s2 = 0.0 if gentle_m_s2 else self.scenario.campaign.braking_m_s2
+        brake_N = math.copysign(stage.mass_kg * braking_m_s2, speed)
         self.advance(BRAKING, stage._replace(brake_N=brake_N), _LONGEST_STOP_S, stops=True)
         if self.state[plant.WHEEL] != 0.0:
             raise ScenarioError("campaign.braking_m_s2: does not stop the machine on this ground")
@@ -261,12 +292,23 @@ class MachineDriver:
     def _random(self, stream: str) -> np.random.Generator:
         return generator(self.scenario.sensors.seed, self._load_index, self.starts, stream)
 
-    def _until(self, gone_m: float, distance_m: float) -> float:
+    def _until(self, gone_m: float, distance_m: float, body: RigidBody) -> float:
         """How long to cruise so that the machine stands about so far from where it started."""
         speed = abs(float(self.state[plant.WHEEL]))
         campaign = self.scenario.campaign
         stop_m = speed * (campaign.valve_lag_s + 0.5 * speed / campaign.braking_m_s2)
+        if self.scenario.brakes.gentle_m_s2:
+            stop_m = self._gentle_stop_m(speed, body)
         return max((distance_m - gone_m - stop_m) / max(speed, 0.05), _LEAST_CRUISE_S)
+
+    def _gentle_stop_m(self, speed_m_s: float, body: RigidBody) -> float:
+        """How far the machine goes under gentle brakes, which friction helps."""
+        gripping = body.gripping[0] / body.mass_kg
+        braking_m_s2 = self.scenario.brakes.gentle_m_s2 + gripping
+        viscous_1_s = max(body.friction_x_N_s_m / body.mass_kg, 1e-3)
+        slowed = braking_m_s2 / viscous_1_s
+        stop_m = (speed_m_s - slowed * math.log1p(speed_m_s / slowed)) / viscous_1_s
+        return stop_m + speed_m_s * self.scenario.campaign.valve_lag_s
 
     def _sag_m(self, mass_kg: float) -> float:
         """How far the spring of the driveline is stretched by the slope where a log begins."""

@@ -16,7 +16,12 @@ from typing import Final
 import numpy as np
 
 from analysis.simulation.plant_inputs import DriveStage, Plant
-from analysis.simulation.resistance import held_by_friction, left_of_cold, rolling_resistance
+from analysis.simulation.resistance import (
+    gentle_braking,
+    held_by_friction,
+    left_of_cold,
+    rolling_resistance,
+)
 from analysis.simulation.waveforms import Floats
 from estimators.compiled import compiled, inlined
 
@@ -64,6 +69,15 @@ def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> flo
 
 
 @inlined
+def _mass(t: float, stage: DriveStage) -> float:
+    """Machine and load, of which some may fall in or off."""
+    mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
+    if stage.spill_1_s > 0.0:
+        mass += stage.load_kg * math.expm1(-stage.spill_1_s * (t - stage.begin_s))
+    return mass
+
+
+@inlined
 def _pitching(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float:
     """How fast the pitch rate changes, on springs that give way under load and acceleration."""
     squat = (plant.squat_s2_m + plant.squat_s2_m_kg * load_kg) * acc_m_s2
@@ -87,7 +101,7 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
 ) -> None:
     """Fill `out` with the derivatives of the state, and with the forces of the instant."""
     wheel, body = y[WHEEL], y[BODY]
-    mass = stage.mass_kg + stage.fill_kg_s * (t - stage.begin_s)
+    mass = _mass(t, stage)
     slope = plant.slope_rad + plant.hills_rad * math.sin(
         plant.hills_rad_m * y[POSITION] + plant.hills_phase_rad
     )
@@ -97,7 +111,9 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     ground = force / plant.efficiency if force * wheel < 0.0 else force * plant.efficiency
     turn = stage.turn_rad_s * -math.expm1(-abs(wheel) / _TURNS_AT)
     capacity = held_by_friction(t, turn, plant, stage)
-    capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant)
+    capacity += rolling_resistance(y[POSITION], wheel, turn, mass, slope, plant) + gentle_braking(
+        t, grip, mass, gravity, plant, stage
+    )
     # material that stood takes up the body's speed
     filling = stage.fill_kg_s * body
     soft = plant.resonance_rad_s > 0.0

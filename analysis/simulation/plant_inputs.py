@@ -54,6 +54,9 @@ class DriveStage(NamedTuple):
     #: Direction in which a machine that stands may start; the brakes take what pulls the other way.
     one_way: float = 0.0
     fill_kg_s: float = 0.0
+    #: Of this load a part falls off a second, and takes its momentum with it.
+    load_kg: float = 0.0
+    spill_1_s: float = 0.0
     coulomb_N: float = 0.0
     release_N: float = 0.0
     release_from_s: float = 0.0
@@ -65,6 +68,9 @@ class DriveStage(NamedTuple):
     stick_rad_s: float = 0.0
     turn_rad_s: float = 0.0
     scrub_N_s_rad: float = 0.0
+    #: Unseen brakes hold this deceleration, and the machine on its slope.
+    gentle_m_s2: float = 0.0
+    gentle_from_s: float = 0.0
     #: 1: ahead is along the way; -1: against it.
     facing: float = 1.0
 

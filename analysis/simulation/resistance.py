@@ -33,6 +33,17 @@ def held_by_friction(t: float, turn_rad_s: float, plant: Plant, stage: DriveStag
 
 
 @inlined
+def gentle_braking(
+    t: float, grip: float, mass_kg: float, gravity_m_s2: float, plant: Plant, stage: DriveStage
+) -> float:
+    """Force of brakes that no sensor sees: an operator gives what the slope asks for besides."""
+    if stage.gentle_m_s2 == 0.0 or grip == 0.0:
+        return 0.0
+    applied = -math.expm1(-(t - stage.gentle_from_s) / plant.lag_s)
+    return applied * mass_kg * (stage.gentle_m_s2 + max(0.0, -grip * gravity_m_s2))
+
+
+@inlined
 def rolling_resistance(
     position_m: float,
     speed_m_s: float,

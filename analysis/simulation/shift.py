@@ -43,6 +43,19 @@ class SimulatedShift(BaseModel):
         default=10.0, ge=0, le=1e4, description="mean of what stays in the bucket, exponential"
     )
     carry_back_most_kg: float = Field(default=60.0, ge=0, le=1e4, description="and its most")
+    spill_1_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="part of a load that falls off a second of its haul, while it drives",
+    )
+    pour_cycles: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="share of cycles in which a part of the load is poured at a stop on the way",
+    )
+    pour_share: float = Field(default=0.2, gt=0, lt=1, description="that part")
     haul_m: float = Field(
         default=40.0, ge=12, le=1000, description="from the dump to the pile, uphill if it slopes"
     )

@@ -27,15 +27,17 @@ _SHORT_OPEN_S: Final = 1.5
 #: Digging takes full throttle; the pile's resistance grows from the first contact on.
 _DIGGING_CRUISE_S: Final = 0.3
 _SHORTEST_IDLE_S: Final = 10.0
-#: Angles of boom and bucket, positive up: to drive, to dig, to carry, to dump.
+#: Angles of boom and bucket, positive up: to drive, dig, carry, dump, and pour a part.
 _DRIVE, _DIG, _CARRY, _DUMP = (0.15, -0.3), (0.0, 0.0), (0.25, -0.6), (0.95, 0.8)
+_POUR = (0.6, 0.1)
 _LIFT_S: Final = 2.0
 
 
 class Cycle(NamedTuple):
     """A cycle as it was driven; times in s since the shift began, masses in kg.
 
-    `payload_kg` is what was dumped: the load hauled less what was carried back.
+    `load_kg` is what was dug, of which some may have fallen off or been poured on the way;
+    `payload_kg` is what was dumped: the rest, less what was carried back.
     """
 
     cycle: int
@@ -51,6 +53,23 @@ class Cycle(NamedTuple):
     machine_kg: float
     reverse: bool
     starts: int
+    spilled_kg: float
+    poured_kg: float
+
+
+class Dump(NamedTuple):
+    """Material that left the bucket: kind is dump, pour (at a stop on the way) or spill.
+
+    What is spilled falls off from one place of the way to another; the rest at one place.
+    """
+
+    cycle: int
+    kind: str
+    start_s: float
+    end_s: float
+    from_m: float
+    to_m: float
+    mass_kg: float
 
 
 class Stand(NamedTuple):
@@ -81,6 +100,7 @@ class ShiftDriver(MachineDriver):
         super().__init__(scenario, 0.0, 0)
         self.shift = shift
         self.cycles: list[Cycle] = []
+        self.dumps: list[Dump] = []
         self.stands: list[Stand] = []
         self.driven: list[DrivenManoeuvre] = []
         self.angles: list[BoomAngle] = []
@@ -104,6 +124,7 @@ class ShiftDriver(MachineDriver):
         begin_s, starts, before_kg = self.time_s, self.starts, self._carried_kg
         operator = self._drawn("shift_operator")
         self._rest(operator)
+        pours = bool(self._drawn("shift_pour").random() < shift.pour_cycles)
         self._legs(1.0, shift.haul_m - _REACH_M, shift.empty_starts_most, operator)
         dig_s = self.time_s
         self._dig(operator)
@@ -113,11 +134,14 @@ class ShiftDriver(MachineDriver):
         self._start(-1.0, shift.back_m, operator)
         if not reverse:
             self._turn(operator)
-        self._legs(-1.0, _REACH_M, shift.haul_starts_most, operator)
+        self._legs(-1.0, _REACH_M, shift.haul_starts_most, operator, pours=pours)
         dump_s = self._dump()
         if not reverse:
             self._start(1.0, shift.back_m, operator)
             self._turn(operator)
+        lost = [each for each in self.dumps if each.cycle == number and each.kind != "dump"]
+        spilled_kg = sum((each.mass_kg for each in lost if each.kind == "spill"), 0.0)
+        poured_kg = sum((each.mass_kg for each in lost if each.kind == "pour"), 0.0)
         self.cycles.append(
             Cycle(
                 cycle=number,
@@ -129,10 +153,12 @@ class ShiftDriver(MachineDriver):
                 load_kg=load_kg,
                 carry_back_before_kg=before_kg,
                 carry_back_kg=self._carried_kg,
-                payload_kg=load_kg - self._carried_kg,
+                payload_kg=load_kg - spilled_kg - poured_kg - self._carried_kg,
                 machine_kg=machine_kg,
                 reverse=reverse,
                 starts=self.starts - starts,
+                spilled_kg=spilled_kg,
+                poured_kg=poured_kg,
             )
         )
         self._interrupt()
@@ -147,16 +173,27 @@ class ShiftDriver(MachineDriver):
         return generator(self.scenario.sensors.seed, 0, len(self.cycles), stream)
 
     def _legs(
-        self, way: float, until_m: float, starts_most: int, operator: np.random.Generator
+        self,
+        way: float,
+        until_m: float,
+        starts_most: int,
+        operator: np.random.Generator,
+        *,
+        pours: bool = False,
     ) -> None:
-        """Drive along the way (1) or against it (-1) until a place, in a few starts."""
-        count = int(operator.integers(1, starts_most + 1))
+        """Drive along the way (1) or against it (-1) until a place, in a few starts.
+
+        One that `pours` does so at its first stop.
+        """
+        count = max(int(operator.integers(1, starts_most + 1)), 1 + pours)
         parts = operator.uniform(0.7, 1.3, count)
         for number in range(count):
             left_m = way * (until_m - self.position_m)
             share = parts[number] / parts[number:].sum()
             if left_m > 2.0:
                 self._start(way, float(left_m * share), operator)
+                if pours and number == 0:
+                    self._pour()
 
     def _start(self, way: float, distance_m: float, operator: np.random.Generator) -> None:
         """One start along the way (1) or against it (-1), and the stand after it."""
@@ -164,9 +201,42 @@ class ShiftDriver(MachineDriver):
         body = replace(self._body(), coulomb_x_N=self.drawn_coulomb())
         throttle = self.throttle()
         open_s = _OPEN_S if distance_m > 2.0 * self.shift.back_m else _SHORT_OPEN_S
-        order = StartOrder(sign, throttle, open_s, distance_m=distance_m)
-        self._note(self.start(order, body)[0], body, sign, throttle)
+        # what is carried back sticks
+        spill_1_s = self.shift.spill_1_s if self._load_kg > self._carried_kg else 0.0
+        order = StartOrder(
+            sign,
+            throttle,
+            open_s,
+            load_kg=self._load_kg,
+            spill_1_s=spill_1_s,
+            distance_m=distance_m,
+        )
+        from_m, begin_kg = self.position_m, self._load_kg
+        times, _, spilled_kg = self.start(order, body)
+        if spilled_kg:
+            self._load_kg -= spilled_kg
+            self._lose("spill", spilled_kg, times.start_s, from_m)
+        self._note(times, body, sign, throttle, begin_kg)
         self._rest(operator)
+
+    def _lose(self, kind: str, mass_kg: float, since_s: float, from_m: float) -> None:
+        """Keep what has left the bucket since a time and a place."""
+        lost = Dump(self._cycle, kind, since_s, self.time_s, from_m, self.position_m, mass_kg)
+        self.dumps.append(lost)
+
+    def _pour(self) -> None:
+        """Stand, and pour a part of the load halfway."""
+        half_s, loaded = self.shift.dump_s / 2.0, self._body()
+        times = self.rest(half_s, loaded.mass_kg)
+        self._boom(_CARRY, at_s=times.start_s)
+        self._boom(_POUR, at_s=self.time_s)
+        self._note(times, loaded)
+        poured_kg = self._load_kg * self.shift.pour_share
+        self._load_kg -= poured_kg
+        self._lose("pour", poured_kg, self.time_s, self.position_m)
+        left = self._body()
+        self._note(self.rest(half_s, left.mass_kg), left)
+        self._boom(_CARRY, at_s=self.time_s)
 
     def _dig(self, operator: np.random.Generator) -> None:
         """Drive into the pile; the bucket fills, and closes when the machine stands."""
@@ -185,7 +255,7 @@ class ShiftDriver(MachineDriver):
             digging_s=digging_s,
             fill_kg_s=(wanted_kg - self._carried_kg) / digging_s,
         )
-        times, filled_kg = self.start(order, body)
+        times, filled_kg, _ = self.start(order, body)
         begin_kg, self._load_kg = self._load_kg, self._load_kg + filled_kg
         self._note(times, body, 1.0, 1.0, begin_kg)
         self._boom(_CARRY, at_s=self.time_s + _LIFT_S)
@@ -204,8 +274,9 @@ class ShiftDriver(MachineDriver):
         self._boom(_CARRY, at_s=times.start_s)
         self._boom(_DUMP, at_s=self.time_s)
         self._note(times, loaded)
-        dumped_s = self.time_s
-        self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg))
+        dumped_s, load_kg = self.time_s, self._load_kg
+        self._load_kg = self._carried_kg = float(min(drawn, shift.carry_back_most_kg, load_kg))
+        self._lose("dump", load_kg - self._load_kg, dumped_s, self.position_m)
         empty = self._body()
         self._note(self.rest(shift.dump_s / 2.0, empty.mass_kg), empty)
         self._boom(_DRIVE, at_s=self.time_s)

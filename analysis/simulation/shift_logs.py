@@ -44,12 +44,14 @@ class ShiftTruth(NamedTuple):
 
     `cycles`: a row a cycle, as `shift_drive.Cycle` has it, with the numbers of the logs in which it
     begins and ends (counted from 0; null where nothing is recorded); `stands`: idle stretches,
-    breaks and refuelling; `logs`: when each log begins and ends, and the part that is torn off.
+    breaks and refuelling; `logs`: when each log begins and ends, and the part that is torn off;
+    `dumps`: a row for whatever left the bucket, as `shift_drive.Dump` has it.
     """
 
     cycles: pl.DataFrame
     stands: pl.DataFrame
     logs: pl.DataFrame
+    dumps: pl.DataFrame
 
 
 @dataclass(eq=False)
@@ -104,13 +106,19 @@ class ShiftSimulation:
             },
             schema={"first_log": pl.Int64, "last_log": pl.Int64},
         )
+        dumps = pl.DataFrame(
+            [each._asdict() for each in self._driver.dumps], infer_schema_length=None
+        )
         stands = pl.DataFrame(
             [each._asdict() for each in self._driver.stands],
             schema={"kind": pl.String, "start_s": pl.Float64, "end_s": pl.Float64},
         )
         spans = pl.DataFrame([each._asdict() for each in self._spans])
         return ShiftTruth(
-            _unix(cycles, start_ns).hstack(logs), _unix(stands, start_ns), _unix(spans, start_ns)
+            _unix(cycles, start_ns).hstack(logs),
+            _unix(stands, start_ns),
+            _unix(spans, start_ns),
+            _unix(dumps, start_ns),
         )
 
     def _log(self, index: int, span: LogSpan, heading_rad: float, start_ns: int) -> SimulatedLog:

@@ -2,6 +2,8 @@
 
 Names say what is not as the model has it. A campaign is nine starts without load unless said
 otherwise; what only the replay can do wrong (a derived acceleration, braking included) is not here.
+Half loaded is 250 kg from the sixth start on; a bucket that fills does so by a part of 250 kg in
+five seconds of every start.
 """
 
 from typing import Any, Final
@@ -12,12 +14,32 @@ def _start(**keys: Any) -> dict[str, Any]:
     return {"campaign": {"manoeuvres": [rest, {"kind": "start", **keys}]}}
 
 
+_BOTH_WAYS: Final = {"starts": {"directions": "alternating"}}
+_HALF_LOADED: Final = {"loading": {"change_kg": 250.0, "change_before_start": 5}}
+_ROLLING: Final = {
+    f"rolling resistance {percent} %{said}": {
+        "rolling": {"coefficient": percent / 100.0},
+        **ways,
+    }
+    for said, ways in (("", {}), (", both ways", _BOTH_WAYS))
+    for percent in (1, 2, 3)
+}
+
 #: Of the machine, its load and its ground.
 MACHINE: Final[dict[str, dict[str, Any]]] = {
     "250 kg more halfway": {"loading": {"change_kg": 250.0, "change_before_start": 5}},
     "250 kg more at every second start": {"loading": {"change_kg": 250.0, "alternating": True}},
     "50 kg more halfway": {"loading": {"change_kg": 50.0, "change_before_start": 5}},
     "a bucket that fills": {"loading": {"fill_kg_s": 50.0}},
+    "a bucket that fills by 25 %": {"loading": {"fill_kg_s": 12.5}},
+    "a bucket that fills by 50 %": {"loading": {"fill_kg_s": 25.0}},
+    "a load that spills": {"campaign": {"loads_kg": [250.0]}, "loading": {"spill_1_s": 0.015}},
+    **_ROLLING,
+    "rolling resistance of two grounds, half loaded": {
+        "rolling": {"coefficient": 0.01, "second_ground_more": 0.02, "ground_length_m": 8.0},
+        **_HALF_LOADED,
+    },
+    "rolling resistance 2 %, half loaded": {"rolling": {"coefficient": 0.02}, **_HALF_LOADED},
     "Coulomb friction 100 N": {"machine": {"coulomb_N": 100.0}},
     "Coulomb friction 300 N": {"machine": {"coulomb_N": 300.0}},
     "Coulomb friction 700 N": {"machine": {"coulomb_N": 700.0}},
@@ -45,6 +67,12 @@ MACHINE: Final[dict[str, dict[str, Any]]] = {
         "chassis": {"squat_deg_s2_m": 0.5},
         "machine": {"slip_stiffness_N": 80_000.0},
     },
+    "squat under load, half loaded": {
+        "chassis": {"squat_deg_s2_m_kg": 0.002, "pitch_deg_kg": -0.002},
+        **_HALF_LOADED,
+    },
+    "friction that warms by 25 %": {"machine": {"friction_warming": 0.25, "warming_s": 30.0}},
+    "gentle brakes unseen": {"brakes": {"gentle_m_s2": 0.1}},
     "brakes release in 0.15 s": {"brakes": {"release_s": 0.15, "release_N": 2000.0}},
     "brakes release in 0.5 s": {"brakes": {"release_s": 0.5, "release_N": 2000.0}},
     "brakes drag": {"brakes": {"drag_N": 200.0}},
@@ -82,9 +110,11 @@ INSTRUMENTS: Final[dict[str, dict[str, Any]]] = {
     "wheels 5 % smaller": {"machine": {"wheel_radius_excess": -0.05}},
     "force offset +300 N": {"sensors": {"force_bias_N": 300.0}},
     "force offset -300 N": {"sensors": {"force_bias_N": -300.0}},
+    "accelerometer tilted 0.3°": {"defects": {"acc_tilt_deg": 0.3}},
     "accelerometer tilted 1°": {"defects": {"acc_tilt_deg": 1.0}},
     "accelerometer tilted 3°": {"defects": {"acc_tilt_deg": 3.0}},
     "accelerometer +0.1 m/s²": {"sensors": {"acc_bias_m_s2": 0.1}},
+    "accelerometer -0.05 m/s²": {"sensors": {"acc_bias_m_s2": -0.05}},
     "force low-passed 50 ms": {"defects": {"force_lag_s": 0.05}},
     "force low-passed 200 ms": {"defects": {"force_lag_s": 0.2}},
     "vibration 0.3 m/s²": {"defects": {"vibration_m_s2": 0.3}},
@@ -92,6 +122,10 @@ INSTRUMENTS: Final[dict[str, dict[str, Any]]] = {
     "share grows with the load": {
         "defects": {"force_share_1_kg": 1.7e-4},
         "campaign": {"loads_kg": [250.0]},
+    },
+    "half loaded, force gain drifts 1 %": {
+        "defects": {"force_gain_drift": 0.01},
+        **_HALF_LOADED,
     },
     "force gain drifts 5 %": {"defects": {"force_gain_drift": 0.05}},
     "torque scale +10 %": {"sensors": {"force_gain": 1.1}},

@@ -72,6 +72,7 @@ _STREAMS: Final = (
     "shift_idle",
     "shift_recorder",
     "shift_damage",
+    "shift_pour",
 )
 
 

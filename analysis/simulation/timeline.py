@@ -18,7 +18,7 @@ from analysis.simulation.waveforms import Floats
 class DrivenManoeuvre(NamedTuple):
     """A manoeuvre of a log as it was driven; its times are in s since its trial began.
 
-    `body` is that of machine and load where it begins, `load_end_kg` the load where it brakes;
+    `body` is that of machine and load where it begins, `load_end_kg` the load where it ends;
     `direction` and `throttle` are None but for a start.
     """
 
