@@ -93,7 +93,7 @@ def shift_log(seed: int, shorter: float = 1.0) -> ShiftLog:
     driver = drawn_driver(dice, mass_kg)
     plant = drawn_plant(dice, driver, mass_kg)
     longest_s = shorter * float(dice.uniform(*DURATION_S))
-    made = CycleLegs(dice, driver, mass_kg)
+    made = CycleLegs(dice, driver, plant)
     legs = made.arrival()
     dumps: list[int] = []
     for _ in range(int(longest_s / _CYCLE_S)):

@@ -1,5 +1,6 @@
 """The campaigns on the independent bench: one log and one short shift, kept and taken up again."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
@@ -31,7 +32,7 @@ def test_a_campaign_of_payloads_goes_on_where_it_ended(
     assert "| 1.00 |" in payloads.ratios([found], payloads.read([kept]))
 
 
-def _found(rows: list[dict[str, object]], **truth: float) -> payloads.PayloadFound:
+def _found(rows: Sequence[Mapping[str, object]], **truth: float) -> payloads.PayloadFound:
     whole = {"empty_kg": 3000.0, "payload_kg": 200.0, "payload_begin_kg": 200.0}
     whole |= {"empty_to_s": 60.0, "loaded_from_s": 80.0, **truth}
     common = {"mass_kg": 3200.0, "u_kg": 20.0, "withheld": False}
