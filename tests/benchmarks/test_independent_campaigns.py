@@ -1,6 +1,7 @@
 """The campaigns on the independent bench: one log and one short shift, kept and taken up again."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -94,3 +95,4 @@ def test_tonnes_are_within_u_with_what_is_priced_or_said_or_wrong() -> None:
     assert _shift([101.0], 1200.0).verdict(["1 dump"]) == "said"
     assert _shift([101.0], 1200.0, (500.0, 100.0)).verdict([]) == "within U"
     assert _shift([], 0.0).verdict([]) == "withheld"
+    assert replace(_shift([], 0.0), crashed="Traceback").verdict([]) == "crashed"
