@@ -161,8 +161,8 @@ def drawn_plant(dice: np.random.Generator, driver: Driver, mass_kg: float) -> Pl
 def on_hard_ground(plant: Plant) -> Plant:
     """The same machine on hard level ground, its springs stiff and its oil warm."""
     return plant._replace(
-        rolling_1=0.002,
-        rolling_far_1=0.002,
+        rolling_1=0.0,
+        rolling_far_1=0.0,
         rolling_speed_s_m=0.0,
         coulomb_N=0.0,
         quadratic_N_s2_m2=0.0,
