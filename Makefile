@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended shifts shift-coverage reproduction reading writing speed memory fuzz lock clean help
+.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended shifts shift-coverage payloads independent-shifts reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -94,6 +94,12 @@ shifts: $(TEST_STAMP) ## twenty drawn shifts as logs, reviewed and compared with
 
 shift-coverage: $(TEST_STAMP) ## how often intervals of payloads and tonnes hold over 400 shifts, into the documentation (ten minutes)
 	$(BIN)/python -P benchmarks/shift_coverage.py --write
+
+payloads: $(TEST_STAMP) ## payload by difference on logs of the independent bench; goes on with payloads.jsonl (an hour or two)
+	$(BIN)/python -P benchmarks/payloads.py --json payloads.jsonl
+
+independent-shifts: $(TEST_STAMP) ## sixty shifts of the independent bench, reviewed; goes on with independent_shifts.jsonl (an hour)
+	$(BIN)/python -P benchmarks/independent_shifts.py --json independent_shifts.jsonl
 
 reproduction: $(TEST_STAMP) ## the paper's tables, figures and claims found anew (a few minutes)
 	$(BIN)/payscope reproduce --trials 1000 --campaigns 20 -o docs/reproduction --force

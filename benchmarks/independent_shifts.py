@@ -1,12 +1,15 @@
 """Shifts of the independent bench through `payscope review`: cycles, tonnes, payloads.
 
     python -P benchmarks/independent_shifts.py [--shifts 60] [--first 0] [--shorter 1.0]
-                                               [--said TEXT]... [--json FILE] [--read FILE]...
+                                               [--clean] [--said TEXT]... [--json FILE]
+                                               [--read FILE]...
 
 Each shift has a machine, a ground, instruments and habits of its own (`benchmarks/independent`),
 and is reviewed from its files as the command does. `--json` keeps a line a shift as it comes, with
 all that the review says, and goes on where it ended; `--read` judges what was kept, also with
 another `--said`: a line of the review that has this text says on top that tonnes may be missing.
+`--clean` drives the same cycles on hard level ground with good instruments: what is not found there
+is missed by how it is driven, and not by what the ground does to the masses.
 
 The tonnes are what a reader takes for the shift: what was counted and what is priced beside it,
 with U (k = 2) of both, against all that was dumped.
@@ -43,6 +46,7 @@ PRICED: Final = (("lost_kg", "lost_u_kg"),)
 _NS: Final = 1e9
 _CYCLE: Final = ("dump_unix_ns", "payload_kg", "payload_u_kg", "counted", "withheld_for")
 _WITHHELD, _WITHIN, _SAID, _WRONG = "withheld", "within U", "said", "wrong"
+_CRASHED: Final = "crashed"
 
 
 @dataclass(frozen=True)
@@ -127,11 +131,13 @@ class IndependentShift:
         return found
 
     def verdict(self, said: Sequence[str]) -> str:
-        """What a reader was told: withheld, within U, said, or wrong.
+        """What a reader was told: withheld, within U, said, wrong, or a traceback.
 
         Args:
             said: texts of which one in a line says that the tonnes may not be whole.
         """
+        if self.crashed:
+            return _CRASHED
         if self.withheld:
             return _WITHHELD
         if abs(self.error) <= K:
@@ -139,14 +145,15 @@ class IndependentShift:
         return _SAID if any(text in line for text in said for line in self.lines) else _WRONG
 
 
-def reviewed(seed: int, shorter: float = 1.0) -> IndependentShift:
+def reviewed(seed: int, shorter: float = 1.0, *, clean: bool = False) -> IndependentShift:
     """Make a shift's logs, review them, keep what is said.
 
     Args:
         seed: of everything.
         shorter: share of the drawn length.
+        clean: on hard level ground, with good instruments.
     """
-    log = shift_log(seed, shorter)
+    log = shift_log(seed, shorter, clean=clean)
     refused = crashed = ""
     made: Reviewed | None = None
     with tempfile.TemporaryDirectory() as name:
@@ -194,14 +201,16 @@ def read(paths: Sequence[Path]) -> list[IndependentShift]:
     return [IndependentShift(**json.loads(line)) for text in texts for line in text.splitlines()]
 
 
-def campaign(seeds: Sequence[int], shorter: float, kept: Path | None) -> Iterator[IndependentShift]:
+def campaign(
+    seeds: Sequence[int], shorter: float, kept: Path | None, *, clean: bool = False
+) -> Iterator[IndependentShift]:
     """Each shift, kept as it comes; what is kept is not made again."""
     before = {each.seed: each for each in read([kept] if kept else [])}
     for seed in seeds:
         if seed in before:
             yield before[seed]
             continue
-        found = reviewed(seed, shorter)
+        found = reviewed(seed, shorter, clean=clean)
         if kept is not None:
             with kept.open("a", encoding="utf-8") as lines:
                 lines.write(json.dumps(asdict(found)) + "\n")
@@ -218,7 +227,6 @@ def table(found: Sequence[IndependentShift], said: Sequence[str]) -> str:
         truth, off = each.truth, np.abs(each.deviations)
         sum_t, u_t = (0.0, 0.0) if each.withheld else each.tonnes
         mean_kg = float(np.mean(truth["payload_kg"])) if truth["payload_kg"] else 0.0
-        why = each.refused or ("crashed" if each.crashed else "")
         rows.append(
             [
                 str(each.seed),
@@ -227,7 +235,7 @@ def table(found: Sequence[IndependentShift], said: Sequence[str]) -> str:
                 f"{each.f1:.3f}",
                 f"{mean_kg:.0f} kg, {mean_kg / truth['empty_kg']:.0%}",
                 f"{each.true_t:.2f}",
-                why or ("–" if each.withheld else f"{sum_t:.2f} ± {K * u_t:.2f}"),
+                each.refused or ("–" if each.withheld else f"{sum_t:.2f} ± {K * u_t:.2f}"),
                 "–" if each.withheld else f"{each.error / K:+.2f}",
                 each.verdict(said),
                 f"{np.mean(off <= K):.0%} of {off.size}" if off.size else "–",
@@ -240,7 +248,7 @@ def table(found: Sequence[IndependentShift], said: Sequence[str]) -> str:
 def totals(found: Sequence[IndependentShift], said: Sequence[str]) -> str:
     """What all shifts together say."""
     verdicts = [each.verdict(said) for each in found]
-    told = len(found) - verdicts.count(_WRONG)
+    told = len(found) - verdicts.count(_WRONG) - verdicts.count(_CRASHED)
     silent = [each for each, verdict in zip(found, verdicts, strict=True) if verdict == _WRONG]
     pairs = sum(len(each.pairs) for each in found)
     whole = sum(each.found + len(each.truth["dump_s"]) for each in found)
@@ -282,12 +290,13 @@ def main(
     shifts: int = 60,
     first: int = 0,
     shorter: float = 1.0,
+    clean: bool = False,
     said: Annotated[list[str] | None, typer.Option()] = None,
     kept: Annotated[Path | None, typer.Option("--json")] = None,
     again: Annotated[list[Path] | None, typer.Option("--read")] = None,
 ) -> None:
     seeds = range(first, first + shifts)
-    found = read(again) if again else list(campaign(seeds, shorter, kept))
+    found = read(again) if again else list(campaign(seeds, shorter, kept, clean=clean))
     told = said or []
     print(f"{table(found, told)}\n\n{totals(found, told)}\n\n{by_habit(found, told)}")
 

@@ -18,6 +18,7 @@ from benchmarks.independent.shift_plans import (
     Driver,
     drawn_driver,
     drawn_plant,
+    on_hard_ground,
 )
 
 #: Standard uncertainties that the machine file states, relative.
@@ -81,19 +82,22 @@ class ShiftLog(NamedTuple):
     truth: ShiftTruth
 
 
-def shift_log(seed: int, shorter: float = 1.0) -> ShiftLog:
+def shift_log(seed: int, shorter: float = 1.0, *, clean: bool = False) -> ShiftLog:
     """Draw a shift.
 
     Args:
         seed: of everything.
         shorter: of the length that is drawn, the share that is driven.
+        clean: on hard level ground, with instruments that only have noise.
     """
     dice = np.random.default_rng([seed, 25_002])
     mass_kg = float(np.exp(dice.uniform(*np.log(MASS_KG))))
     driver = drawn_driver(dice, mass_kg)
     plant = drawn_plant(dice, driver, mass_kg)
+    if clean:
+        plant = on_hard_ground(plant)
     longest_s = shorter * float(dice.uniform(*DURATION_S))
-    made = CycleLegs(dice, driver, mass_kg)
+    made = CycleLegs(dice, driver, plant)
     legs = made.arrival()
     dumps: list[int] = []
     for _ in range(int(longest_s / _CYCLE_S)):
@@ -103,6 +107,9 @@ def shift_log(seed: int, shorter: float = 1.0) -> ShiftLog:
     motion = drive(plant, legs, longest_s)
     motion = _ended(dice, motion, dumps)
     seen = _instruments(dice, driver, plant)
+    if clean:
+        seen = seen._replace(force_gain=1.0, gain_drift=0.0, force_offset_N=0.0)
+        seen = seen._replace(acc_bias_m_s2=0.0, tilt_rad=0.0, slip_1_N=0.0)
     topics = measured(dice, seen, motion, mass_kg)
     files, holes = _split(dice, topics, motion.duration_s)
     emptied = _dumps(motion, legs, dumps)

@@ -11,6 +11,11 @@ from benchmarks.independent.machine import GRAVITY_M_S2, Plant
 MASS_KG: Final = (1500.0, 8000.0)
 #: Length of a shift, s.
 DURATION_S: Final = (2400.0, 4200.0)
+#: Rolling resistance over the weight,
+ROLLING_1: Final = (0.005, 0.04)
+#: and the standard deviation, as a share, of that at the dump from that at the pile: loaded starts
+#: are on the one and empty ones on the other, so that all of it goes into the payload.
+GROUNDS_DIFFER: Final = 0.25
 #: How often a shift has a habit.
 HABITS: Final = {
     "reverses out": 0.6,
@@ -34,8 +39,10 @@ HABITS: Final = {
 #: Boom angles, rad: on the ground, carrying, above the truck.
 _GROUND_RAD, _CARRY_RAD, _HIGH_RAD = -0.5, 0.1, 0.9
 _BOOM_RAD_S: Final = 0.7
-#: What the dump empties the bucket in, s.
-_POURS_OUT_S: Final = 1.5
+#: Who creeps starts with this.
+_CREEP_M_S2: Final = 0.5
+#: A bucket is emptied in so many seconds.
+_EMPTIES_S: Final = (1.5, 3.0)
 
 
 class Driver(NamedTuple):
@@ -48,7 +55,7 @@ class Driver(NamedTuple):
         load_share: mean load over the machine's mass,
         load_std_1: and its standard deviation over the mean.
         carry_back_kg: largest rest in the bucket.
-        throttle_least: of a start.
+        acc_m_s2: gentlest and sharpest start, whatever load and grade.
         top_m_s: it drives so fast at most.
         brake_m_s2: gentlest and harshest stop.
         seen_1: share of a stop that the force sensors see.
@@ -63,7 +70,7 @@ class Driver(NamedTuple):
     load_share: float
     load_std_1: float
     carry_back_kg: float
-    throttle_least: float
+    acc_m_s2: tuple[float, float]
     top_m_s: float
     brake_m_s2: tuple[float, float]
     seen_1: float
@@ -86,15 +93,16 @@ def drawn_driver(dice: np.random.Generator, mass_kg: float) -> Driver:
     if "no boom" in habits:
         habits.discard("boom moves driving")
     short = "short cycles" in habits
-    brakes = (0.4, 2.2)
+    brakes = (0.5, 2.0)
     if "gentle brakes" in habits:
-        brakes = (0.15, 0.4)
+        brakes = (0.2, 0.5)
     elif "harsh brakes" in habits:
         brakes = (1.5, 2.8)
     small = "small loads" in habits
     out_m = float(dice.uniform(3.0, 4.5) if short else dice.uniform(4.0, 8.0))
     approach_m = float(dice.uniform(2.0, 5.0))
-    between_m = float(dice.uniform(4.0, 7.0) if short else dice.uniform(10.0, 60.0))
+    between_m = float(dice.uniform(5.0, 8.0) if short else dice.uniform(12.0, 60.0))
+    gentlest = float(dice.uniform(0.7, 1.0))
     return Driver(
         frozenset(habits),
         approach_m + out_m + between_m,
@@ -102,20 +110,21 @@ def drawn_driver(dice: np.random.Generator, mass_kg: float) -> Driver:
         0.04 if small else float(dice.uniform(0.08, 0.25)),
         float(dice.uniform(0.05, 0.2)),
         mass_kg * float(dice.uniform(0.0, 0.008)),
-        float(dice.uniform(0.6, 0.95)),
+        (gentlest, gentlest + float(dice.uniform(0.1, 0.7))),
         float(dice.uniform(2.2, 4.5)),
         brakes,
         float(dice.uniform(0.3, 1.0)),
-        float(dice.uniform(0.8, 1.3) if short else dice.uniform(1.2, 3.0)),
+        float(dice.uniform(1.5, 2.2) if short else dice.uniform(1.8, 4.0)),
         approach_m,
         1 if short else int(dice.integers(1, 4)),
     )
 
 
 def drawn_plant(dice: np.random.Generator, driver: Driver, mass_kg: float) -> Plant:
-    """A machine that can drive its ground: what holds it, and as much again to accelerate."""
+    """A machine that can start on its ground as its driver wants."""
     habits = driver.habits
-    near, far = dice.uniform(0.005, 0.04, 2)
+    near = float(dice.uniform(*ROLLING_1))
+    far = float(np.clip(near * np.exp(dice.normal(0.0, GROUNDS_DIFFER)), *ROLLING_1))
     slope_deg = hills_deg = 0.0
     if "slope, pitch" in habits:
         slope_deg, hills_deg = dice.uniform(-3.0, 3.0), dice.uniform(0.0, 1.5)
@@ -124,7 +133,7 @@ def drawn_plant(dice: np.random.Generator, driver: Driver, mass_kg: float) -> Pl
     steep = float(np.deg2rad(abs(slope_deg) + hills_deg))
     held_m_s2 = GRAVITY_M_S2 * (max(near, far) + steep)
     heaviest_kg = mass_kg * (1.0 + 1.3 * driver.load_share)
-    force_N = heaviest_kg * (held_m_s2 + float(dice.uniform(1.1, 2.0))) / driver.throttle_least
+    force_N = heaviest_kg * (held_m_s2 + driver.acc_m_s2[1]) * float(dice.uniform(1.1, 1.6))
     full_m = float(dice.uniform(0.8, 1.5))
     stalls_N = force_N * float(dice.uniform(0.7, 1.0))
     return Plant(
@@ -134,8 +143,8 @@ def drawn_plant(dice: np.random.Generator, driver: Driver, mass_kg: float) -> Pl
         warming_share=float(dice.uniform(0.05, 0.25)) if "warms" in habits else 0.0,
         warming_s=DURATION_S[1],
         coulomb_N=abs(float(dice.normal(0.0, 0.02))) * force_N,
-        rolling_1=float(near),
-        rolling_far_1=float(far),
+        rolling_1=near,
+        rolling_far_1=far,
         rolling_split_m=driver.haul_m * float(dice.uniform(0.2, 0.8)),
         rolling_speed_s_m=float(dice.uniform(0.0, 0.05)),
         quadratic_N_s2_m2=abs(float(dice.normal(0.0, 0.01))) * force_N / driver.top_m_s**2,
@@ -155,6 +164,21 @@ def drawn_plant(dice: np.random.Generator, driver: Driver, mass_kg: float) -> Pl
     )
 
 
+def on_hard_ground(plant: Plant) -> Plant:
+    """The same machine on hard level ground, its springs stiff and its oil warm."""
+    return plant._replace(
+        rolling_1=0.0,
+        rolling_far_1=0.0,
+        rolling_speed_s_m=0.0,
+        coulomb_N=0.0,
+        quadratic_N_s2_m2=0.0,
+        slope_rad=0.0,
+        hills_rad=0.0,
+        warming_share=0.0,
+        squat_s2_m=0.0,
+    )
+
+
 class Cycle(NamedTuple):
     """The legs of one cycle, and in which of them it dumps."""
 
@@ -168,13 +192,13 @@ class CycleLegs:
     Args:
         dice: of this shift.
         driver: its habits.
-        mass_kg: of the empty machine.
+        plant: the machine and its ground.
     """
 
-    def __init__(self, dice: np.random.Generator, driver: Driver, mass_kg: float) -> None:
+    def __init__(self, dice: np.random.Generator, driver: Driver, plant: Plant) -> None:
         self._dice = dice
         self._driver = driver
-        self._mass_kg = mass_kg
+        self._plant = plant
         self._carried_kg = 0.0
         self._legs: list[Leg] = []
 
@@ -196,7 +220,7 @@ class CycleLegs:
         if "idles" in driver.habits and dice.random() < 0.06:
             self._stand(float(dice.uniform(35.0, 240.0)))
         spread = float(dice.normal(1.0, driver.load_std_1))
-        load_kg = self._mass_kg * driver.load_share * min(max(spread, 0.5), 1.3)
+        load_kg = self._plant.mass_kg * driver.load_share * min(max(spread, 0.5), 1.3)
         back_kg = driver.carry_back_kg * float(dice.uniform(0.0, 1.0))
         self._fill(load_kg)
         away = self._leave_pile()
@@ -229,7 +253,15 @@ class CycleLegs:
         )
 
     def _pause(self) -> None:
-        self._stand(self._driver.pause_s * float(self._dice.uniform(0.6, 1.5)))
+        self._stand(self._driver.pause_s * float(self._dice.uniform(0.8, 1.3)))
+
+    def _throttle(self, acc_m_s2: float, way: float) -> float:
+        """What starts so; way is 1 up the track, -1 down."""
+        plant = self._plant
+        held_m_s2 = GRAVITY_M_S2 * (plant.rolling_1 + plant.rolling_far_1) / 2.0
+        held_m_s2 += way * GRAVITY_M_S2 * float(np.sin(plant.slope_rad))
+        needed_N = (plant.mass_kg + self._carried_kg) * (held_m_s2 + acc_m_s2) + plant.coulomb_N
+        return min(max(needed_N / plant.force_max_N, 0.1), 1.0)
 
     def _drive(self, to_m: float, facing: float, direction: float, **more: float) -> None:
         """Drive to a place, in the driver's way."""
@@ -240,7 +272,7 @@ class CycleLegs:
             DRIVE,
             direction=direction,
             facing=facing,
-            throttle=float(dice.uniform(driver.throttle_least, 1.0)),
+            throttle=self._throttle(float(dice.uniform(*driver.acc_m_s2)), facing * direction),
             rise_s=float(dice.uniform(0.2, 0.6)),
             start_s=float(dice.uniform(2.5, 5.0)),
             cruise_s=60.0,
@@ -324,25 +356,28 @@ class CycleLegs:
     def _dump(self, back_kg: float, away: tuple[float, float]) -> int:
         """Raise the boom and empty the bucket, standing or creeping; the leg that empties."""
         dice, driver = self._dice, self._driver
-        rate = max(self._carried_kg - back_kg, 1.0) / _POURS_OUT_S
+        seconds = float(dice.uniform(*_EMPTIES_S))
+        rate = max(self._carried_kg - back_kg, 1.0) / seconds
         self._carried_kg = back_kg
         empties = {"load_to_kg": back_kg, "load_rate_kg_s": rate, "load_when": WHOLE_LEG}
-        lifts_s = (_HIGH_RAD - self._boom) / _BOOM_RAD_S + float(dice.uniform(0.3, 0.8))
         if self._boom < _HIGH_RAD:
+            lifts_s = (_HIGH_RAD - self._boom) / _BOOM_RAD_S + float(dice.uniform(0.3, 0.8))
             self._stand(lifts_s, _HIGH_RAD)
+        number = len(self._legs)
         if "creeps to dump" in driver.habits:
             self._drive(
                 driver.haul_m + 50.0,
                 *away,
-                throttle=0.6,
+                throttle=self._throttle(_CREEP_M_S2, away[0] * away[1]),
                 start_s=6.0,
-                cruise_s=float(dice.uniform(2.0, 4.0)),
+                cruise_s=seconds / 2.0,
                 top_m_s=float(dice.uniform(0.25, 0.5)),
                 **empties,
             )
+            self._stand(float(dice.uniform(0.8, 1.5)))
         else:
-            self._stand(float(dice.uniform(1.8, 4.0)), **empties)
-        return len(self._legs) - 1
+            self._stand(seconds + float(dice.uniform(0.3, 1.0)), **empties)
+        return number
 
     def _return(self, away: tuple[float, float]) -> None:
         """Back to where the pile is started into, the boom coming down on the way or before."""

@@ -1,5 +1,7 @@
 """The campaigns on the independent bench: one log and one short shift, kept and taken up again."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -31,7 +33,7 @@ def test_a_campaign_of_payloads_goes_on_where_it_ended(
     assert "| 1.00 |" in payloads.ratios([found], payloads.read([kept]))
 
 
-def _found(rows: list[dict[str, object]], **truth: float) -> payloads.PayloadFound:
+def _found(rows: Sequence[Mapping[str, object]], **truth: float) -> payloads.PayloadFound:
     whole = {"empty_kg": 3000.0, "payload_kg": 200.0, "payload_begin_kg": 200.0}
     whole |= {"empty_to_s": 60.0, "loaded_from_s": 80.0, **truth}
     common = {"mass_kg": 3200.0, "u_kg": 20.0, "withheld": False}
@@ -93,3 +95,4 @@ def test_tonnes_are_within_u_with_what_is_priced_or_said_or_wrong() -> None:
     assert _shift([101.0], 1200.0).verdict(["1 dump"]) == "said"
     assert _shift([101.0], 1200.0, (500.0, 100.0)).verdict([]) == "within U"
     assert _shift([], 0.0).verdict([]) == "withheld"
+    assert replace(_shift([], 0.0), crashed="Traceback").verdict([]) == "crashed"

@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -68,12 +69,12 @@ def test_another_reader_finds_every_value_in_the_order_of_recording(
             if row % 500:
                 continue
             assert schema is not None
-            content = store.deserialize_cdr(message.data, schema.name)
-            stamp = content.header.stamp  # type: ignore[attr-defined]
+            content: Any = store.deserialize_cdr(message.data, schema.name)
+            stamp = content.header.stamp
             assert stamp.sec * 10**9 + stamp.nanosec == readings.stamp_ns[row]
             assert message.log_time == readings.log_ns[row]
             for field, values in readings.values.items():
-                said = content
+                said: Any = content
                 for part in layout_of(name, readings).fields[field].split("."):
                     said = said[int(part)] if part.isdigit() else getattr(said, part)
                 assert said == values[row]
@@ -85,6 +86,7 @@ def test_payscope_reads_all_of_it_without_a_loss(log: PayloadLog, tmp_path: Path
     write_mcap(log.topics, path)
     write_machine_file(stated, log.instruments, log.known)
     machine = load_machine(stated)
+    assert log.known.empty_s is not None
     assert machine.settings.loads.empty_to_s == pytest.approx(log.known.empty_s[1], abs=1e-3)
     with open_log(path) as opened:
         assert sum(opened.topics()["messages"]) == sum(
