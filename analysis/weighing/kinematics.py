@@ -164,6 +164,38 @@ def kinematics(
     return level if squat is None else replace(level, squat=squat)
 
 
+@dataclass(frozen=True, slots=True)
+class StretchSquats:
+    """How the pitch's gravity follows the acceleration in each stretch.
+
+    Attributes:
+        first: (stretches,) its first sample.
+        both: (stretches,) sum of products of gravity and acceleration.
+        square: (stretches,) sum of squares of the acceleration.
+    """
+
+    first: Ints
+    both: Floats
+    square: Floats
+
+
+def squat_of_stretches(gravity: Floats, motion: Equation) -> StretchSquats:
+    """Compare them stretch by stretch, each without a constant and a slope.
+
+    Args:
+        gravity: (n,) by the pitch, in m/s².
+        motion: the samples, with a pitch.
+    """
+    assert motion.without_gravity is not None
+    found: list[tuple[int, float, float]] = []
+    for part in group_rows(motion.group):
+        if part.size >= 10 * _MEAN:
+            a, g = (_without_line(_means(x[part])) for x in (motion.without_gravity, gravity))
+            found.append((int(part[0]), float(a @ g), float(a @ a)))
+    first, both, square = np.array(found).reshape(-1, 3).T
+    return StretchSquats(first.astype(np.int64), both, square)
+
+
 def _squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None:
     """By which share of the acceleration the pitch's gravity follows it; None where it does not.
 
@@ -172,19 +204,13 @@ def _squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None:
     Returns:
         The share and its standard deviation, by stretches.
     """
-    assert motion.without_gravity is not None
-    pairs: list[tuple[float, float]] = []
-    for part in group_rows(motion.group):
-        if part.size < 10 * _MEAN:
-            continue
-        a, g = (_without_line(_means(x[part])) for x in (motion.without_gravity, gravity))
-        pairs.append((float(a @ g), float(a @ a)))
-    both, square = np.array(pairs).reshape(-1, 2).T
-    if both.size < _FEWEST_STRETCHES or not square.all():
+    found = squat_of_stretches(gravity, motion)
+    count, total = found.both.size, float(found.square.sum())
+    if count < _FEWEST_STRETCHES or not total:
         return None
-    share = float(both.sum() / square.sum())
-    scatter = float(((both - share * square) ** 2).sum()) * both.size / (both.size - 1)
-    std = float(np.sqrt(scatter)) / float(square.sum())
+    share = float(found.both.sum()) / total
+    scatter = float(((found.both - share * found.square) ** 2).sum()) * count / (count - 1)
+    std = float(np.sqrt(scatter)) / total
     return (share, std) if abs(share) > max(_LEAST_SQUAT, _GAIN_COUNTS * std) else None
 
 

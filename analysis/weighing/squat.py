@@ -7,7 +7,7 @@ through that pitch. To the force that is a load of another size; the wheels tell
 
 with the load relative to a reference. The slopes are tilt, bias and grade: they scatter about a
 common one as much as the log shows, so that on even ground few starts tell h, and on hills few
-do not.
+do not. Where the pitch is measured, it shows by itself how it follows the acceleration.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ import numpy as np
 
 from analysis.weighing.averages import RelativeLoads
 from analysis.weighing.equation import Equation, Floats, begins, ends, ground_speed
-from analysis.weighing.kinematics import Kinematics
+from analysis.weighing.kinematics import Kinematics, squat_of_stretches
 from estimators.autocorrelation import student_factor
 
 #: Samples of a mean, and the fewest means of a stretch that is compared.
@@ -81,10 +81,10 @@ def find_squat(
         relative_load: (masses,) likewise of each state.
         prior_std: of the change of gain for a load of the reference mass.
     """
-    rows = _stretches(motion, wheels, loads)
-    if len(rows) < _FEWEST_STRETCHES or len({load for *_, load in rows}) < 2:
-        return None
-    found = _fitted(rows)
+    if motion.without_gravity is None:
+        found = _by_wheels(_stretches(motion, wheels, loads))
+    else:
+        found = _by_pitch(motion, loads)
     if found is None:
         return None
     value, variance = found
@@ -135,8 +135,33 @@ def _stretches(motion: Equation, wheels: Kinematics, loads: RelativeLoads) -> li
     return found
 
 
-def _fitted(rows: list[_Stretch]) -> tuple[float, float] | None:
-    """The change of gain by load and its variance, by clusters; None where undetermined."""
+def _by_pitch(motion: Equation, loads: RelativeLoads) -> tuple[float, float] | None:
+    """The change of gain by load that the pitch shows, and its variance; None: undetermined."""
+    assert motion.specific_force is not None
+    assert motion.without_gravity is not None
+    gravity = motion.specific_force - motion.without_gravity
+    squats = squat_of_stretches(gravity, motion)
+    relative = loads.at(motion.unit)[squats.first]
+    if relative.size < _FEWEST_STRETCHES or np.ptp(relative) == 0.0:
+        return None
+    columns = np.column_stack([relative, np.ones(relative.size)])
+    gram = columns.T @ (squats.square[:, None] * columns)
+    bread = np.linalg.pinv(gram)
+    theta = bread @ columns.T @ squats.both
+    scores = columns * (squats.both - squats.square * (columns @ theta))[:, None]
+    freedom = relative.size - 2
+    variance = float((bread @ scores.T @ scores @ bread)[0, 0]) * relative.size / freedom
+    # the accelerometer reads more by what the pitch adds, and the mass is less by it
+    return -float(theta[0]), variance * student_factor(freedom) ** 2
+
+
+def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
+    """The change of gain by load that the wheels say, and its variance, by clusters.
+
+    None where it is undetermined.
+    """
+    if len(rows) < _FEWEST_STRETCHES or len({load for *_, load in rows}) < 2:
+        return None
     free = [_without_slope(columns, y, time, np.inf) for columns, y, time, _ in rows]
     # each stretch a slope of its own: how slopes scatter, beyond their noise
     X, y = (np.concatenate([each[i] for each in free]) for i in (0, 1))
