@@ -302,6 +302,9 @@ class VerdictLimits(BaseModel):
     gain_max: float = Field(
         0.01, gt=0, description="largest disagreement of wheels and accelerometer that widens none"
     )
+    filling_max: float = Field(
+        3.0, gt=0, description="largest evidence, in deviations, of a load that grows as it drives"
+    )
     beyond_prior_max: float = Field(
         3.5, gt=0, description="largest distance of a term from its prior's mean over its width"
     )

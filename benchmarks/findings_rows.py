@@ -40,6 +40,7 @@ OPEN: Final = tuple(
         "lag_max_s": 1e9,
         "gain_max": 1e9,
         "beyond_prior_max": 1e9,
+        "filling_max": 1e9,
         "wheels_max": 1e9,
         "scatter_max": 1e9,
         "frozen_max_s": 1e9,

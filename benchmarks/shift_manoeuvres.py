@@ -18,6 +18,7 @@ from analysis.cycles.passes import Passes, passes
 from analysis.cycles.shift import shift
 from analysis.schema import build
 from analysis.weighing.averages import EarlierRounds
+from analysis.weighing.growth import Filling
 from analysis.weighing.joint_fit import JointFit, PriorMeans
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.states import States, found_states
@@ -249,8 +250,9 @@ def _weighing(truth: DrawnShift, states: States) -> tuple[Weighing, Floats]:
     )  # fmt: skip
     masses = theta[:count]
     weighing = Weighing(
-        joint, masses, masses, float("nan"), False, False, Curvature(0.0, 0.0, 1.0), ()
-    )
+        joint, masses, masses, float("nan"), False, False, Curvature(0.0, 0.0, 1.0),
+        Filling(0.0, 0.0), (),
+    )  # fmt: skip
     return weighing, hat[count:]
 
 

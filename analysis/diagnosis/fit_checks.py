@@ -132,6 +132,16 @@ FIT_CHECKS: Final = (
         remedy="the cause that findings name, or settings.priors: what the machine may have",
     ),
     CheckRow(
+        "filling",
+        "mass",
+        _of_fit(lambda weighing: weighing.filling.deviations),
+        "standard deviations by which a load that grows at every start alike explains the log "
+        "better than a load that stays",
+        maximum="filling_max",
+        optional=True,
+        remedy="starts without digging or filling; else the force is late, or brakes release",
+    ),
+    CheckRow(
         "friction_sign",
         "mass",
         _of_fit(_friction_t),

@@ -221,6 +221,7 @@ def _averaged(
         _rate(force, motion.rate_hz, float(np.sqrt(noise.covariance(1)[2, 2]))),
         motion.direction,
         motion.progress,
+        _since(motion.group) / motion.rate_hz,
         np.zeros(speed.size) if loads is None else loads.at(motion.unit),
         found.slip_s_m,
         found.transfer_s2_m,

@@ -1,7 +1,9 @@
-"""A load that changes while the machine drives: what each manoeuvre says of it by itself.
+"""A load that changes while the machine drives: what each manoeuvre says of it, and what all do.
 
 What the joint fit leaves of a manoeuvre is compared with a mass that grows over it evenly, and that
-with the other manoeuvres: what all do alike is in the terms that they share, and is not seen here.
+with the other manoeuvres (`growing`). What all do alike is in the terms that they share, and takes
+a term of its own (`filling`): beside it Coulomb friction that drives, or a resistance that falls
+with the square of the speed, is what a growing load leaves in their place.
 """
 
 from dataclasses import dataclass
@@ -9,11 +11,15 @@ from itertools import compress
 from typing import Final
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.special import ndtri
 
+from analysis.settings import PriorSettings
 from analysis.weighing.averages import Averages, averages, stride_of
 from analysis.weighing.equation import Floats, Ints, NoiseOfColumns
-from analysis.weighing.joint_result import JointFit
+from analysis.weighing.joint_fit import again
+from analysis.weighing.joint_result import JointFit, place_of
+from analysis.weighing.nuisances import FILLING
 from analysis.weighing.states import sample_units, stretch_units
 from estimators.autocorrelation import student_factor
 from estimators.fit_loss import group_ids, group_rows
@@ -33,6 +39,10 @@ _BY_MISTAKE: Final = 0.01
 _OWN: Final = 3
 _FRICTION: Final = 0.1
 _CONSTANT: Final = 0.01
+#: Terms that brake and never drive.
+_RESISTANCES: Final = ("direction", "quadratic")
+#: Terms with less of their variance for themselves, as a share, cannot be told apart.
+_LEAST_APART: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +60,42 @@ class Growth:
     first: int
     kg: float
     std_kg: float
+
+
+@dataclass(frozen=True, slots=True)
+class Filling:
+    """A load that grows at every start alike.
+
+    Attributes:
+        kg_s: how fast, none below zero.
+        deviations: how much better it explains the log than none does, in standard deviations
+            with what even then all starts miss in common; NaN where the log does not tell.
+    """
+
+    kg_s: float
+    deviations: float
+
+
+def filling(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Filling:
+    """Fit once more with a load that grows at every start alike, and with resistances that resist.
+
+    The likelihood ratio of a growth of zero and of one that is not below it, each with whichever
+    resistances of zero or more explain the log best.
+    """
+    grown = again(fit, noise, priors, (FILLING,))
+    names = [term.name for term in fit.terms]
+    resistances = [place_of(name, fit.terms) for name in _RESISTANCES if name in names]
+    at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]
+    found, covariance = grown.theta[at], grown.fit.covariance[np.ix_(at, at)]
+    std = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(std, std)
+    if not (np.isfinite(correlation).all() and np.linalg.eigvalsh(correlation)[0] > _LEAST_APART):
+        return Filling(0.0, float("nan"))
+    whitened = np.linalg.inv(np.linalg.cholesky(correlation))
+    best, missed = nnls(whitened, whitened @ (found / std))
+    missed_by_none = nnls(whitened[:, 1:], whitened @ (found / std))[1]
+    better = max(missed_by_none**2 - missed**2, 0.0) / max(grown.fit.misfit_ratio, 1.0)
+    return Filling(float(best[0] * std[0]), float(np.sqrt(better)))
 
 
 def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:

@@ -45,6 +45,7 @@ class Moments:
     force_rate: Floats
     direction: Floats
     progress: Floats
+    under_way_s: Floats
     relative_load: Floats
     slip_s_m: float
     transfer_s2_m: float
@@ -62,6 +63,7 @@ class Moments:
             force_rate=self.force_rate[rows],
             direction=self.direction[rows],
             progress=self.progress[rows],
+            under_way_s=self.under_way_s[rows],
             relative_load=self.relative_load[rows],
         )
 
@@ -322,4 +324,16 @@ CURVATURE: Final = Nuisance(
     "a force that is not linear in the acceleration",
     "force measured on all wheels; brakes that are seen whole",
     by_acceleration=lambda m: 2.0 * np.abs(m.acceleration),
+)
+#: What a check adds to see whether the load grows while the machine drives, at every start alike;
+#: all but free. What comes in is brought to the machine's speed.
+FILLING: Final = Nuisance(
+    "filling",
+    "kg/s",
+    lambda m: m.acceleration * m.under_way_s + m.speed,
+    lambda _, __: 1e9,
+    "a load that grows while the machine drives",
+    "starts that begin and end with the same load",
+    by_speed=lambda m: np.ones_like(m.speed),
+    by_acceleration=lambda m: m.under_way_s,
 )

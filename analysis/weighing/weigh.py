@@ -11,7 +11,7 @@ from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
-from analysis.weighing.growth import Growth, growing
+from analysis.weighing.growth import Filling, Growth, filling, growing
 from analysis.weighing.joint_fit import (
     Fitted,
     again,
@@ -72,6 +72,7 @@ class Weighing:
         braking_doubted: whether it moves the mass by more than its uncertainty, and less than what
             driving alone can contradict.
         curvature: what a term in a·|a| finds.
+        filling: what a load that grows at every start alike explains, by this log itself.
         growing: the manoeuvres whose load changes while they drive; they are not fitted.
         alone: the same fit without what a calibration learnt; None where that is the answer.
     """
@@ -83,6 +84,7 @@ class Weighing:
     braking_left_out: bool
     braking_doubted: bool
     curvature: Curvature
+    filling: Filling
     growing: tuple[Growth, ...]
     alone: JointFit | None = None
 
@@ -172,6 +174,8 @@ def weigh(
     fit = with_likely_drifts(fit, columns, priors)
     fit = with_squat(fit, priors)
     fit = with_responses(fit, columns, priors)
+    alone = _alone(fit, columns, priors)
+    own, own_priors = (fit, priors) if alone is None else (alone, _without_learnt(priors))
     halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
     return Weighing(
         fit,
@@ -181,8 +185,9 @@ def weigh(
         left_out,
         doubted,
         curvature(fit, columns, priors),
+        filling(own, columns, own_priors),
         grown,
-        _alone(fit, columns, priors),
+        alone,
     )
 
 
@@ -197,7 +202,11 @@ def _alone(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Joint
         return None
     wheels = fit.kinematics
     own = fit if wheels is None or wheels.own is None else replace(fit, kinematics=wheels.own)
-    return again(own, noise, priors.model_copy(update={"learnt": {}}))
+    return again(own, noise, _without_learnt(priors))
+
+
+def _without_learnt(priors: PriorSettings) -> PriorSettings:
+    return priors.model_copy(update={"learnt": {}})
 
 
 def _apart_kg(one: JointFit, other: JointFit) -> float:

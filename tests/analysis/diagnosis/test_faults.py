@@ -17,6 +17,8 @@ BRAKING_AS_DRIVING = "settings.gate.exclude_braking=false"
 BRAKES_SEEN = {"campaign": {"brake_measured_share": 1.0}}
 #: A load that is a little other at every start, by no pattern.
 SPILLS = {"campaign": {"loads_kg": [0.0, 10.0, 55.0, 80.0, 30.0, 5.0, 65.0, 90.0, 40.0], "runs": 1}}
+#: A bucket that takes up a payload of 250 kg at every start.
+FILLS = {"loading": {"fill_kg_s": 50.0}, "starts": {"directions": "alternating"}}
 #: An accelerometer of three axes, as an IMU has.
 AXES = tuple(
     f'channels.specific_force_{axis}_m_s2={{topic="/imu",field="{axis}"}}' for axis in "yz"
@@ -85,6 +87,7 @@ FAULTS = {
     ),
     "force_sign": lambda: weighed({}, changed=torques(pl.Expr.neg)),
     "beyond_prior": lambda: weighed({"sensors": {"force_bias_N": 3000.0}}),
+    "filling": lambda: weighed(FILLS),
     "friction_sign": lambda: weighed({}, changed=backwards),
     "lag": lambda: situation("force late 150 ms"),
     "lag_v": lambda: situation("IMU low-passed 200 ms"),
