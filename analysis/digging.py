@@ -40,10 +40,11 @@ _LONGEST_S: Final = 15.0
 #: A start of fewer samples tells nothing,
 _FEWEST: Final = 60
 #: and one of less, in s, is a move of a moment: no bucket fills in it.
-_SHORTEST_S: Final = 1.3
-#: A resistance cannot grow by much more than the force that the log drives with, since only the
-#: machine's momentum adds to it: the largest growth of a start that digs, as a share of that force.
-_GROWS_MOST: Final = 1.5
+_SHORTEST_S: Final = 1.2
+#: Only the machine's momentum lets a resistance grow by more than the force that the log drives
+#: with: the largest growth of a start that digs, as a share of that force. Piles that stop a fast
+#: machine reach 2.1.
+_GROWS_MOST: Final = 2.5
 #: The mass of machine and load is this times the empty machine's, within this share of it,
 _HEAVIER: Final = 1.1
 _MASS_WIDTH: Final = 0.15

@@ -42,7 +42,7 @@ K: Final = 2.0
 #: A dump is found when it is so near to a true one.
 MATCHED_S: Final = 5.0
 #: What the frame `shift` prices beside the counted tonnes: the sum and its standard uncertainty.
-PRICED: Final = (("lost_kg", "lost_u_kg"),)
+PRICED: Final = (("lost_kg", "lost_u_kg"), ("uncounted_kg", "uncounted_u_kg"))
 _NS: Final = 1e9
 _CYCLE: Final = ("dump_unix_ns", "payload_kg", "payload_u_kg", "counted", "withheld_for")
 _WITHHELD, _WITHIN, _SAID, _WRONG = "withheld", "within U", "said", "wrong"

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from estimators.estimate import Floats, Ints
 from estimators.optimal_partition import optimal_partition
 from estimators.partition_posterior import Partition, PartitionPosterior
-from estimators.units import FILLED, HINTED, Units
+from estimators.units import FILLED, HINTED, NAMED, Units
 
 #: Scatter that is tried, over the units' own deviation, where it is not known.
 _SCATTERS: Final = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0, 50.0)
@@ -67,7 +67,9 @@ def partitions(
     scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
-    hinted = [np.append(0, np.cumsum(units.kind >= least)) for least in (HINTED, FILLED) if n > 1]
+    hinted = [
+        np.append(0, np.cumsum(units.kind >= least)) for least in (HINTED, FILLED, NAMED) if n > 1
+    ]
     noise_alone = PartitionPosterior(units, spread, 0.0, None)
     begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]
     found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}
@@ -122,7 +124,7 @@ def _candidates(posterior: PartitionPosterior, effects: Floats) -> set[bytes]:
     units, spread = posterior.units, posterior.spread
     level = units.y - units.x @ effects
     tried = {_two_levels(level, posterior.variance, units.kind).tobytes()}
-    if np.count_nonzero(units.kind >= FILLED) > 1:
+    if np.count_nonzero(units.kind == FILLED) > 1:
         tried |= _cycles(posterior, effects)
     for probability in _CANDIDATES:
         for window in _WINDOWS:
@@ -186,7 +188,7 @@ def _emptied_between(level: Floats, variance: Floats, kind: Ints) -> Ints:
         kind: (n - 1,) of each boundary.
     """
     weight = 1.0 / variance
-    part = np.append(0, np.cumsum(kind >= FILLED))
+    part = np.append(0, np.cumsum(kind == FILLED))
     first = np.flatnonzero(np.append(True, np.diff(part) > 0))
     size = np.diff(np.append(first, level.size))
     # at first each is emptied halfway; what comes before the first filling is light

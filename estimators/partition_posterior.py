@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dposv
 from scipy.special import betaln
 
 from estimators.estimate import Floats, Ints
-from estimators.units import FILLED, HINTED, Units
+from estimators.units import FILLED, HINTED, NAMED, Units
 
 Bools = NDArray[np.bool_]
 
@@ -30,8 +30,11 @@ _THIRD: Final = float(np.log(1.0 / 3.0))
 _TELLS_NOTHING: Final = 0.25
 #: and what is taken for a filling.
 _FILLS_NOTHING: Final = 0.05
-#: How rarely one filling among others changes no level,
-_UNFILLED: Final = 0.003
+#: How rarely the load is the same on both sides of where a stretch is named as empty.
+_MISNAMED: Final = 0.02
+#: How rarely one filling among others changes no level: a change too many costs little, one too few
+#: bends what all units share,
+_UNFILLED: Final = 0.0003
 #: how rarely what is filled is not emptied once before it is filled again,
 _RARELY: Final = 0.05
 #: and how much likelier that is where something else tells a change.
@@ -188,7 +191,10 @@ def _log_prior(kind: Ints, changes: Bools) -> float:
 
     Where something is filled, it is as likely emptied once between each two fillings.
     """
-    filling = kind >= FILLED
+    named, filling = kind == NAMED, kind == FILLED
+    if named.any():
+        said = np.where(changes[named], np.log1p(-_MISNAMED), np.log(_MISNAMED))
+        return float(said.sum()) + _log_prior(kind[~named], changes[~named])
     if not filling.any():
         return _log_of_rates(kind, changes)
     # or what is taken for a filling has nothing to do with it in this series
@@ -198,7 +204,7 @@ def _log_prior(kind: Ints, changes: Bools) -> float:
 
 def _log_of_cycles(kind: Ints, changes: Bools) -> float:
     """Each filling a change, and one more before the next: at a hint rather than elsewhere."""
-    filling = kind >= FILLED
+    filling = kind == FILLED
     filled = filling & changes
     stretch, number = np.cumsum(filled), int(filled.sum()) + 1
     weight = np.where(filling | (kind == 0), 0.0, np.where(kind == HINTED, _HINT, 1.0))

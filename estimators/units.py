@@ -12,9 +12,10 @@ from estimators.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.sandwich import meat
 
 #: Kinds of boundaries where something besides the units tells a change: it may (a boom that moves),
-#: or it nearly always does (a bucket that was filled).
+#: it nearly always does (a bucket that was filled), or somebody says so.
 HINTED: Final = 2
 FILLED: Final = 3
+NAMED: Final = 4
 #: Rounds of residuals and their variance.
 _NOISE_ROUNDS: Final = 3
 #: So many units share their effects.
@@ -34,7 +35,7 @@ class Units:
         gram: (r, r) information about β within units and from its prior.
         cross: (r,) likewise its right-hand side.
         kind: (n - 1,) of each boundary: 0 no change can be there, 1 only the units tell one,
-            `HINTED` and `FILLED` something tells it besides; places of a kind are alike.
+            `HINTED`, `FILLED` and `NAMED` something tells it besides; places of a kind are alike.
     """
 
     y: Floats

@@ -13,7 +13,7 @@ from analysis.weighing.equation import Equation, Floats, Ints, begins, ends
 from estimators.changepoints import Partitions, partitions
 from estimators.levels import Levels
 from estimators.partition_posterior import Partition
-from estimators.units import FILLED, HINTED, Units
+from estimators.units import FILLED, HINTED, NAMED, Units
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
@@ -163,8 +163,8 @@ def stretch_units(motion: Equation) -> Ints:
     for short in np.flatnonzero(~tells & (before >= 0) & (after < number.size)):
         left, here, right = (of == each for each in (before[short], short, after[short]))
         begin, end = first[here][0], last[here][-1]
-        changed = _place(motion, slice(last[left][-1], begin + 1)) > 1
-        if changed and _place(motion, slice(end, first[right][0] + 1)) == 1:
+        sooner, later = (last[left][-1], begin), (end, first[right][0])
+        if _place(motion, *sooner, *sooner) > 1 and _place(motion, *later, *later) == 1:
             goes[short] = after[short]
     return number[goes][of]
 
@@ -179,21 +179,32 @@ def places(motion: Equation) -> Ints:
 
     Returns:
         1 where only the masses can, `HINTED` where the boom or the bucket moved as well, `FILLED`
-        where the machine dug, or where the time ends in which it is named as empty.
+        where the machine dug, `NAMED` where the time begins or ends in which it is named as empty.
     """
     used = np.flatnonzero(motion.used)
-    next_one = np.flatnonzero(np.diff(sample_units(motion)) > 0)
-    between = zip(used[next_one], used[next_one + 1], strict=True)
-    return np.array([_place(motion, slice(end, begin + 1)) for end, begin in between], np.int64)
+    first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
+    last = np.append(first[1:], used.size) - 1
+    # a boom may go up before the machine stands, and come down when it moves again
+    middle = used[(first + last) // 2]
+    spans = zip(used[last[:-1]], used[first[1:]], middle[:-1], middle[1:], strict=True)
+    return np.array([_place(motion, *span) for span in spans], np.int64)
 
 
-def _place(motion: Equation, samples: slice) -> int:
-    """What tells a change of load between two manoeuvres, of the samples from one to the other."""
-    if motion.digs is not None and motion.digs[samples].any():
+def _place(motion: Equation, end: int, begin: int, since: int, until: int) -> int:
+    """What tells a change of load between two manoeuvres.
+
+    Args:
+        motion: arms and digging.
+        end: last sample of the first manoeuvre.
+        begin: first sample of the second one.
+        since: from where on the boom is looked at.
+        until: likewise.
+    """
+    if motion.digs is not None and motion.digs[end : begin + 1].any():
         return FILLED
-    if motion.empty is not None and len(set(motion.empty[samples][[0, -1]])) > 1:
-        return FILLED
-    moved = any(_range(arm[samples]) > _ARM_MOVES_RAD for arm in motion.arms)
+    if motion.empty is not None and motion.empty[end] != motion.empty[begin]:
+        return NAMED
+    moved = any(_range(arm[since : until + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
     return HINTED if moved else 1
 
 

@@ -242,8 +242,8 @@ def _tonnes(kg: float, u_kg: float) -> str:
 
 
 def _warnings(page: ReviewPage) -> list[str]:
-    state, shift = page.state, page.shift
-    found = missing_loads(shift)
+    state = page.state
+    found = missing_loads(page.shift)
     if state.losses:
         found.append(f"Damaged or incomplete: {counted(len(state.losses), 'loss')}, listed below.")
     widened = [c.check for c in state.failed if c.consequence == "widen"]

@@ -29,9 +29,23 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> Equation:
         dug[here] = digs[stand]
     ones = np.ones(n)
     return Equation(
-        ones, ones, ones, np.where(moving, part // 2, -1), ones, part // 2, 100.0,
-        None, None, np.arange(n) / n - 0.5, False, 1.0, 35_000.0, (arm,), dug,
-    )  # fmt: skip
+        acceleration=ones,
+        speed=ones,
+        force=ones,
+        group=np.where(moving, part // 2, -1),
+        direction=ones,
+        unit=part // 2,
+        rate_hz=100.0,
+        specific_force=None,
+        without_gravity=None,
+        wheel_acceleration=None,
+        progress=np.arange(n) / n - 0.5,
+        by_accelerometer=False,
+        force_share=1.0,
+        weight=35_000.0,
+        arms=(arm,),
+        digs=dug,
+    )
 
 
 @pytest.mark.parametrize(
