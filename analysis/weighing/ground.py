@@ -51,15 +51,19 @@ def ground_scatter(rows: Averages, shared: Floats, samples: int, rate_hz: float)
         squares.append(part.size - a.sum() ** 2 / (a @ a))
         means.append(constant * rows.direction[part[0]])
     correlation, _ = pooled_autocorrelation(residual, index, None)
-    freedom = int((index >= 0).sum()) - 2 * len(told)
-    white = float(residual @ residual) / max(freedom, 1)
+    white = float(residual @ residual) / max(int((index >= 0).sum()) - 2 * len(told), 1)
     noise = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
+    if not noise > 0.0:
+        return 0.0
     constant, weight = np.array(means), np.array(squares) / noise
+    # one that is far from all others is no ground: a load that changes, a stop
+    far = np.argmax(weight * (constant - np.median(constant)) ** 2)
+    constant, weight = np.delete(constant, far), np.delete(weight, far)
     mean = float(weight @ constant / weight.sum())
-    misfit, count = float(weight @ (constant - mean) ** 2), constant.size
-    if not noise > 0.0 or float(chdtrc(count - 1, misfit)) > _BY_CHANCE:
+    misfit, freedom = float(weight @ (constant - mean) ** 2), constant.size - 1
+    if float(chdtrc(freedom, misfit)) > _BY_CHANCE:
         return 0.0
     spare = float(weight.sum() - (weight @ weight) / weight.sum())
-    variance = (misfit - (count - 1)) / spare
+    variance = (misfit - freedom) / spare
     rows_a_second = rate_hz / stride_of(samples)
     return variance * rows_a_second / noise

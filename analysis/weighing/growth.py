@@ -16,7 +16,7 @@ from scipy.special import ndtri
 
 from analysis.settings import PriorSettings
 from analysis.weighing.averages import Averages, averages, stride_of
-from analysis.weighing.equation import Floats, Ints, NoiseOfColumns
+from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns
 from analysis.weighing.joint_fit import again
 from analysis.weighing.joint_result import JointFit, place_of
 from analysis.weighing.nuisances import FILLING
@@ -98,21 +98,34 @@ def filling(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Fill
     return Filling(float(best[0] * std[0]), float(np.sqrt(better)))
 
 
-def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
-    """The manoeuvres whose load changes by more than chance makes of so many."""
+def growing(
+    fit: JointFit, noise: NoiseOfColumns, motion: Equation | None = None
+) -> tuple[Growth, ...]:
+    """The manoeuvres whose load changes by more than chance makes of so many.
+
+    Args:
+        fit: what is known of friction and nuisances.
+        noise: of acceleration, speed and force.
+        motion: the manoeuvres, where they are not those of the fit.
+    """
     if fit.states is None or not np.isfinite(fit.fit.residual_rms):
         return ()
-    rows = averages(fit.motion, noise, fit.terms, fit.mean_samples, fit.found)
-    unit = np.where(rows.group >= 0, stretch_units(fit.motion)[np.maximum(rows.group, 0)], -1)
+    motion = fit.motion if motion is None else motion
+    rows = averages(motion, noise, fit.terms, fit.mean_samples, fit.found)
+    unit = np.where(rows.group >= 0, stretch_units(motion)[np.maximum(rows.group, 0)], -1)
     by_unit = dict(zip(group_ids(unit).tolist(), group_rows(unit), strict=True))
     none = np.empty(0, np.int64)
-    parts = [by_unit.get(each, none) for each in fit.states.unit.tolist()]
+    numbers = np.unique(stretch_units(motion))
+    parts = [by_unit.get(each, none) for each in numbers.tolist()]
     told = [part.size >= _FEWEST_ROWS for part in parts]
     if sum(told) < _FEWEST:
         return ()
     left = _left(fit, rows, unit)
-    usual = _OF_MEDIAN * float(np.median(np.abs(left[unit >= 0])))
-    left = left.clip(-_FAR * usual, _FAR * usual)  # the jerk of a stop is no load
+    usual = np.median(np.abs(left[unit >= 0]))
+    for part in parts:
+        # the jerk of a stop is no load; what lasts for half of a manoeuvre is none
+        most = _FAR * _OF_MEDIAN * max(usual, np.median(np.abs(left[part])) if part.size else 0.0)
+        left[part] = left[part].clip(-most, most)
     variance = _variance(fit, noise)
     friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
     own = _FRICTION * friction, _CONSTANT * fit.motion.largest_force
@@ -123,8 +136,8 @@ def growing(fit: JointFit, noise: NoiseOfColumns) -> tuple[Growth, ...]:
     apart = _OF_MEDIAN * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
-    number = fit.states.unit[told]
-    used, of_sample = np.flatnonzero(fit.motion.used), sample_units(fit.motion)
+    number = numbers[told]
+    used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         Growth(
             int(number[k]),
@@ -143,7 +156,7 @@ def _left(fit: JointFit, rows: Averages, unit: Ints) -> Floats:
     if fit.shifted:
         # the force has been moved back by it
         theta[1 + [term.name for term in fit.terms].index("lag")] = 0.0
-    place = np.searchsorted(fit.states.unit, np.maximum(unit, fit.states.unit[0]))
+    place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
     masses = fit.theta[: fit.count][fit.states.of[place]]
     return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ theta
 

@@ -190,7 +190,8 @@ def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
     wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
     if wheels is None or loads is None or states is None or not wheels.goes_together:
         return found
-    if not found.motion.by_accelerometer:
+    told = found.motion.without_gravity is None or wheels.squat[0] > 0.0
+    if not (found.motion.by_accelerometer and told):
         return found
     first = np.unique(states.of, return_index=True)[1]
     squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)

@@ -52,6 +52,8 @@ _SETTLED_S: Final = 5e-4
 _LONGEST_DELAY_S: Final = 0.15
 #: Of its speed, no wheel that weighs slips more.
 _MOST_SLIP: Final = 0.4
+#: Pitch and acceleration that correlate so well are a squat.
+_TOGETHER: Final = 0.8
 #: A squat that adds less than this share of the acceleration does not matter,
 _LEAST_SQUAT: Final = 0.005
 #: and fewer stretches do not tell it from hills.
@@ -172,11 +174,19 @@ class StretchSquats:
         first: (stretches,) its first sample.
         both: (stretches,) sum of products of gravity and acceleration.
         square: (stretches,) sum of squares of the acceleration.
+        of_gravity: (stretches,) likewise of the gravity.
     """
 
     first: Ints
     both: Floats
     square: Floats
+    of_gravity: Floats
+
+    @property
+    def correlation(self) -> float:
+        """Of gravity and acceleration, over all stretches; 0 where one does not change."""
+        square = float(self.square.sum() * self.of_gravity.sum())
+        return float(self.both.sum()) / np.sqrt(square) if square else 0.0
 
 
 def squat_of_stretches(gravity: Floats, motion: Equation) -> StretchSquats:
@@ -187,31 +197,32 @@ def squat_of_stretches(gravity: Floats, motion: Equation) -> StretchSquats:
         motion: the samples, with a pitch.
     """
     assert motion.without_gravity is not None
-    found: list[tuple[int, float, float]] = []
+    found: list[tuple[int, float, float, float]] = []
     for part in group_rows(motion.group):
         if part.size >= 10 * _MEAN:
             a, g = (_without_line(_means(x[part])) for x in (motion.without_gravity, gravity))
-            found.append((int(part[0]), float(a @ g), float(a @ a)))
-    first, both, square = np.array(found).reshape(-1, 3).T
-    return StretchSquats(first.astype(np.int64), both, square)
+            found.append((int(part[0]), float(a @ g), float(a @ a), float(g @ g)))
+    first, both, square, of_gravity = np.array(found).reshape(-1, 4).T
+    return StretchSquats(first.astype(np.int64), both, square, of_gravity)
 
 
 def _squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None:
     """By which share of the acceleration the pitch's gravity follows it; None where it does not.
 
-    A body that squats pitches with every acceleration alike; on hills it is now up, now down.
+    A body that squats pitches with every acceleration alike. On a hill that is always started on at
+    the same place the pitch follows as well, but less closely.
 
     Returns:
         The share and its standard deviation, by stretches.
     """
     found = squat_of_stretches(gravity, motion)
     count, total = found.both.size, float(found.square.sum())
-    if count < _FEWEST_STRETCHES or not total:
+    if count < _FEWEST_STRETCHES or found.correlation < _TOGETHER:
         return None
     share = float(found.both.sum()) / total
     scatter = float(((found.both - share * found.square) ** 2).sum()) * count / (count - 1)
     std = float(np.sqrt(scatter)) / total
-    return (share, std) if abs(share) > max(_LEAST_SQUAT, _GAIN_COUNTS * std) else None
+    return (share, std) if share > max(_LEAST_SQUAT, _GAIN_COUNTS * std) else None
 
 
 def _compared(

@@ -156,6 +156,9 @@ def weigh(
     if grown:
         # one mass says nothing of them, and would say something wrong of the others' friction
         fit = of_states(_without(whole, grown), fit)
+        # what the others say of friction and drifts shows how much it is
+        better = {each.unit: each for each in growing(fit, columns, whole)}
+        grown = tuple(better.get(each.unit, each) for each in grown)
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _without(motion(braking=False), grown)

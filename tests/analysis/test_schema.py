@@ -79,7 +79,7 @@ def test_a_name_says_the_dtype():
     words += ("run_id", "load", "day", "log", "left_out_for", "log_sha256", "recording")
     whole += ("readings", "reading", "rejected", "cycle", "cycles", "cycles_counted")
     whole += ("cycles_rejected", "cycles_without_mass", "loaded_id", "empty_before_id")
-    whole += ("empty_after_id", "rank")
+    whole += ("empty_after_id", "rank", "digs", "boom_dumps")
     words += ("severity", "channel", "evidence", "setting", "alternatives")
     truths += ("braking_left_out", "scatter_known", "empty", "used", "counted")
     dtypes = {

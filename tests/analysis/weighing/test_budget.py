@@ -57,7 +57,8 @@ class TestScale:
         assert the_load(log)["scale_unknown"] == (
             "force_gain, force_share, force_share_by_load, wheel_radius"
         )
-        told = {"force_gain_u": 0.01, "force_share_u": 0.005, "wheel_radius_u_m": 0.001}
+        told = {"force_gain_u": 0.01, "force_share_u": 0.005, "force_share_by_load_u": 0.3}
+        told["wheel_radius_u_m"] = 0.001
         assert the_load(log, **told)["scale_unknown"] == ""
         some = budget(log.weighing, with_body(log, force_gain_u=0.0), ONE)
         assert "force_gain" not in unknown_scale(some)

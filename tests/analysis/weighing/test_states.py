@@ -156,7 +156,7 @@ class TestRepeatability:
         loads = loaded([0.0, 250.0], 1, (*POOLED, *span), repeatability_kg=3.0).frames["loads"]
         assert loads.height == 2
         assert abs(loads["payload_kg"][1] - 250.0) < 3.0 * loads["payload_u_kg"][1]
-        assert loads["payload_u_kg"][1] < 15.0
+        assert loads["payload_u_kg"][1] < 20.0
         assert loads["scatter_known"].all()
 
     def test_where_it_is_not_known_that_is_said(self):
