@@ -17,10 +17,15 @@ from analysis.weighing.equation import Floats
 from analysis.weighing.nuisances import Nuisance
 from estimators.prior_fit import PriorFit
 
-#: The drifts, by the setting that is the width of each one's prior.
-DRIFTS: Final = {"viscous_drift": "viscous_drift_share", "gain_drift": "gain_drift"}
-#: A log has each of them with this probability, before anything is measured.
+#: The terms of drifts, and the setting that is the width of their prior: one drift each.
+DRIFTS: Final = {
+    "viscous_drift": "viscous_drift_share",
+    "viscous_bend": "viscous_drift_share",
+    "gain_drift": "gain_drift",
+}
+#: A log has each drift with this probability, before anything is measured.
 _BEFORE: Final = 0.2
+_LOG_ODDS: Final = float(np.log(_BEFORE / (1.0 - _BEFORE)))
 #: The width of the prior of a drift that is left out, over its own.
 NARROW: Final = 0.02
 
@@ -63,9 +68,17 @@ class LikelyDrifts:
         precision = np.linalg.inv(covariance)
         squares, vectors = np.linalg.eigh(precision - np.diag(1.0 / variance))
         information = (vectors * np.maximum(squares, 0.0)) @ vectors.T
+        drift = [DRIFTS[terms[place].name] for place in own]
+        names = sorted(set(drift))
         choices = [
-            _choice(np.array(kept), information, precision @ found, variance)
-            for kept in product((False, True), repeat=len(own))
+            _choice(
+                np.array([kept[names.index(name)] for name in drift]),
+                sum(kept) * _LOG_ODDS,
+                information,
+                precision @ found,
+                variance,
+            )
+            for kept in product((False, True), repeat=len(names))
         ]
         evidence = np.array([choice[0] for choice in choices])
         probability = np.exp(evidence - evidence.max())
@@ -84,7 +97,7 @@ class LikelyDrifts:
 
     def narrowed(self, priors: PriorSettings) -> PriorSettings:
         """The priors of a fit without the drifts that are left out."""
-        keys = [DRIFTS[name] for name in self.left_out]
+        keys = {DRIFTS[name] for name in self.left_out}
         return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})
 
     def doubt_kg(self, weights: Floats) -> float:
@@ -99,21 +112,21 @@ class LikelyDrifts:
 
 
 def _choice(
-    kept: np.ndarray, information: Floats, scores: Floats, variance: Floats
+    kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
     """Logarithm of the evidence of a choice of drifts, the choice, their mean and covariance.
 
     Args:
-        kept: (drifts,) those that it has.
-        information: (drifts, drifts) that the log has about them.
-        scores: (drifts,) information times what the log says of them.
-        variance: (drifts,) of their priors.
+        kept: (terms,) those that it has.
+        before: logarithm of its odds before anything is measured, up to a constant.
+        information: (terms, terms) that the log has about them.
+        scores: (terms,) information times what the log says of them.
+        variance: (terms,) of their priors.
     """
     mean, covariance = np.zeros(kept.size), np.zeros((kept.size, kept.size))
     own = np.flatnonzero(kept)
-    before = own.size * np.log(_BEFORE) + (kept.size - own.size) * np.log1p(-_BEFORE)
     if not own.size:
-        return float(before), kept, mean, covariance
+        return before, kept, mean, covariance
     inside = np.ix_(own, own)
     inner = np.linalg.inv(information[inside] + np.diag(1.0 / variance[own]))
     mean[own], covariance[inside] = inner @ scores[own], inner

@@ -13,6 +13,8 @@ import numpy as np
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats, Ints
 
+#: Mean square of the progress, which goes from -1/2 to 1/2.
+_MEAN_SQUARE: Final = 1.0 / 12.0
 #: An offset of which nothing is left to find.
 _LEAST_OFFSET_N: Final = 1e-3
 
@@ -281,6 +283,16 @@ NUISANCES: Final = (
         "a machine that is warm",
         by_speed=lambda m: m.progress,
         applies=lambda e: e.manoeuvres > 1,
+    ),
+    Nuisance(
+        "viscous_bend",
+        "N·s/m",
+        lambda m: m.speed * (m.progress**2 - _MEAN_SQUARE),
+        lambda e, s: s.viscous_drift_share * e.largest_force / e.largest_speed,
+        "how much of that change comes early or late: oil warms fast at first",
+        "a machine that is warm",
+        by_speed=lambda m: m.progress**2 - _MEAN_SQUARE,
+        applies=lambda e: e.manoeuvres > 2,
     ),
     Nuisance(
         "gain_drift",
