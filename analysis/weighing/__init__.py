@@ -2,5 +2,6 @@
 
 `equation` (the columns as they are before the moving mean, and the manoeuvres they come from) ←
 `nuisances` (the one table of terms) ← `averages` (the columns' means) and `kinematics` (wheels
-against accelerometer) ← `joint_fit` ← `weigh` ← `budget` ← `loads` (the frames).
+against accelerometer) ← `fit_task` (one fit) ← `joint_fit` (load states, ground, drifts) ← `weigh`
+← `budget` ← `loads` (the frames).
 """

@@ -24,6 +24,8 @@ from analysis.weighing.equation import (
     ground_speed,
 )
 from analysis.weighing.nuisances import const_width
+from analysis.weighing.pitch_squat import pitch_squat
+from analysis.weighing.stretch_means import EVERY, MEAN, means, without_line
 from estimators import prior_fit
 from estimators.autocorrelation import autocovariance_loss
 from estimators.compiled import compiled
@@ -33,12 +35,8 @@ from estimators.prior_fit import Grouping
 
 #: What a calibration learns of them, in this order.
 TERMS: Final = ("wheel_slip", "gain", "speed_delay")
-#: Means of so many samples are compared, and manoeuvres shorter than ten of them are not.
-_MEAN: Final = 10
 #: Of so many samples the noise is what adds up.
 _ADDED_UP: Final = 100
-#: Means so near hold nearly the same.
-_EVERY: Final = 3
 #: A gain is looked for without leaning on its prior: this wide.
 _WIDE_GAIN: Final = 0.3
 #: A gain counts from so many of its deviations, and from this size, on.
@@ -52,12 +50,6 @@ _SETTLED_S: Final = 5e-4
 _LONGEST_DELAY_S: Final = 0.15
 #: Of its speed, no wheel that weighs slips more.
 _MOST_SLIP: Final = 0.4
-#: Pitch and acceleration that correlate so well are a squat.
-_TOGETHER: Final = 0.8
-#: A squat that adds less than this share of the acceleration does not matter,
-_LEAST_SQUAT: Final = 0.005
-#: and fewer stretches do not tell it from hills.
-_FEWEST_STRETCHES: Final = 6
 #: Residuals of so many times the noise of the speed: the two do not go together.
 _MISMATCH: Final = 3.0
 
@@ -157,72 +149,13 @@ def kinematics(
     found = _compared(motion.specific_force, motion, noise, priors, told)
     if found is None or motion.without_gravity is None:
         return found
-    squat = _squat(motion.specific_force - motion.without_gravity, motion)
+    squat = pitch_squat(motion.specific_force - motion.without_gravity, motion)
     if squat is None and found.goes_together:
         return found
     level = _compared(motion.without_gravity, motion, noise, priors, told)
     if level is None or not level.goes_together:
         return found
     return level if squat is None else replace(level, squat=squat)
-
-
-@dataclass(frozen=True, slots=True)
-class StretchSquats:
-    """How the pitch's gravity follows the acceleration in each stretch.
-
-    Attributes:
-        first: (stretches,) its first sample.
-        both: (stretches,) sum of products of gravity and acceleration.
-        square: (stretches,) sum of squares of the acceleration.
-        of_gravity: (stretches,) likewise of the gravity.
-    """
-
-    first: Ints
-    both: Floats
-    square: Floats
-    of_gravity: Floats
-
-    @property
-    def correlation(self) -> float:
-        """Of gravity and acceleration, over all stretches; 0 where one does not change."""
-        square = float(self.square.sum() * self.of_gravity.sum())
-        return float(self.both.sum()) / np.sqrt(square) if square else 0.0
-
-
-def squat_of_stretches(gravity: Floats, motion: Equation) -> StretchSquats:
-    """Compare them stretch by stretch, each without a constant and a slope.
-
-    Args:
-        gravity: (n,) by the pitch, in m/s².
-        motion: the samples, with a pitch.
-    """
-    assert motion.without_gravity is not None
-    found: list[tuple[int, float, float, float]] = []
-    for part in group_rows(motion.group):
-        if part.size >= 10 * _MEAN:
-            a, g = (_without_line(_means(x[part])) for x in (motion.without_gravity, gravity))
-            found.append((int(part[0]), float(a @ g), float(a @ a), float(g @ g)))
-    first, both, square, of_gravity = np.array(found).reshape(-1, 4).T
-    return StretchSquats(first.astype(np.int64), both, square, of_gravity)
-
-
-def _squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None:
-    """By which share of the acceleration the pitch's gravity follows it; None where it does not.
-
-    A body that squats pitches with every acceleration alike. On a hill that is always started on at
-    the same place the pitch follows as well, but less closely.
-
-    Returns:
-        The share and its standard deviation, by stretches.
-    """
-    found = squat_of_stretches(gravity, motion)
-    count, total = found.both.size, float(found.square.sum())
-    if count < _FEWEST_STRETCHES or found.correlation < _TOGETHER:
-        return None
-    share = float(found.both.sum()) / total
-    scatter = float(((found.both - share * found.square) ** 2).sum()) * count / (count - 1)
-    std = float(np.sqrt(scatter)) / total
-    return (share, std) if share > max(_LEAST_SQUAT, _GAIN_COUNTS * std) else None
 
 
 def _compared(
@@ -242,7 +175,7 @@ def _compared(
     def solved(
         rows: _Rows, std: Floats, delay_s: float, taken: Floats | None, loss: Floats | None
     ) -> prior_fit.PriorSolution | prior_fit.NoSolution:
-        told = Grouping(shortest=10 * _MEAN // _EVERY, taken=taken, loss=loss)
+        told = Grouping(shortest=10 * MEAN // EVERY, taken=taken, loss=loss)
         return prior_fit.solve(*rows, np.array([0.0, 0.0, -delay_s, 0.0]), std, told)
 
     largest = _MOST_SLIP / motion.largest_force
@@ -274,7 +207,7 @@ def _compared(
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     free = wide.fit
-    mismatch = free.residual_rms / float(np.sqrt(noise.covariance(_MEAN)[1, 1]))
+    mismatch = free.residual_rms / float(np.sqrt(noise.covariance(MEAN)[1, 1]))
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
     counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
@@ -307,8 +240,8 @@ def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: fl
     manoeuvres' residuals show less of it.
     """
     X, _, group, _ = rows
-    of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * _EVERY
-    of_speed = noise.covariance(_MEAN)[1, 1] * _MEAN / _EVERY
+    of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * EVERY
+    of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
     scale = np.maximum(np.sqrt((X**2).sum(axis=0)), np.finfo(np.float64).tiny)
     X = X / scale
     added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in group_rows(group)])
@@ -338,13 +271,13 @@ def _rows(
 ) -> _Rows | None:
     """Columns and response without each manoeuvre's constant and slope, and what noise adds."""
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
-    spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * _MEAN]
+    spans = np.column_stack([first, last + 1])[last + 1 - first >= 10 * MEAN]
     if not spans.size:
         return None
     X, y, group, ground = _compared_means(
         measured, motion.speed, motion.force, spans, 1.0 / motion.rate_hz, slip_1_N
     )
-    covariance = noise.covariance(_MEAN)
+    covariance = noise.covariance(MEAN)
     grams = np.zeros((len(spans), 4, 4))
     grams[:, 1, 1] = ground * covariance[2, 2]
     grams[:, 2, 2] = np.bincount(group) * covariance[0, 0]
@@ -369,7 +302,7 @@ def _compared_means(
         (rows, 4) columns, (rows,) response, (rows,) stretch, and (stretches,) the sum of squares
         of the ground's speed.
     """
-    counts = (spans[:, 1] - spans[:, 0] - _MEAN) // _EVERY + 1
+    counts = (spans[:, 1] - spans[:, 0] - MEAN) // EVERY + 1
     X, y = np.empty((counts.sum(), 4)), np.empty(counts.sum())
     group, squares = np.empty(y.size, np.int64), np.zeros(len(spans))
     row = 0
@@ -379,33 +312,15 @@ def _compared_means(
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
         slipping = ground_speed(v, f, slip_1_N) - gained
-        ground = np.abs(gained + slipping - _without_line(slipping))
+        ground = np.abs(gained + slipping - without_line(slipping))
         rows = slice(row, row + counts[number])
-        y[rows] = _without_line(_means(v - gained))
-        X[rows, 0] = _without_line(_means(gained))
-        X[rows, 1] = _without_line(_means(ground * f))
-        X[rows, 2] = _without_line(_means(-a))
-        of_ground = _means(ground)
-        X[rows, 3] = _without_line(-of_ground)
+        y[rows] = without_line(means(v - gained))
+        X[rows, 0] = without_line(means(gained))
+        X[rows, 1] = without_line(means(ground * f))
+        X[rows, 2] = without_line(means(-a))
+        of_ground = means(ground)
+        X[rows, 3] = without_line(-of_ground)
         group[rows] = number
         squares[number] = (of_ground**2).sum()
         row += counts[number]
     return X, y, group, squares
-
-
-@compiled
-def _means(x: Floats) -> Floats:
-    """Means of `_MEAN` samples, one every `_EVERY`."""
-    out = np.empty((x.size - _MEAN) // _EVERY + 1)
-    for i in range(out.size):
-        out[i] = x[i * _EVERY : i * _EVERY + _MEAN].sum() / _MEAN
-    return out
-
-
-@compiled
-def _without_line(x: Floats) -> Floats:
-    """The same without a constant and a slope."""
-    middle = (x.size - 1) / 2.0
-    ramp = np.arange(x.size) - middle
-    slope = (ramp * x).sum() / (ramp * ramp).sum()
-    return x - x.sum() / x.size - slope * ramp

@@ -17,7 +17,8 @@ import numpy as np
 
 from analysis.weighing.averages import RelativeLoads
 from analysis.weighing.equation import Equation, Floats, begins, ends, ground_speed
-from analysis.weighing.kinematics import Kinematics, squat_of_stretches
+from analysis.weighing.kinematics import Kinematics
+from analysis.weighing.pitch_squat import squat_of_stretches
 from estimators.autocorrelation import student_factor
 
 #: Samples of a mean, and the fewest means of a stretch that is compared.
