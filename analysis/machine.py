@@ -192,10 +192,15 @@ class Machine(BaseModel):
 
     @property
     def differentiates_speed(self) -> bool:
-        """Whether what multiplies the mass is the derivative of the wheels' speed."""
+        """Whether what multiplies the mass is the speed's derivative."""
         channel = self.channels.get("acc_x_m_s2")
         kinematic = self.settings.forces.acceleration == "kinematic"
         return kinematic and channel is not None and channel.derivative_of == "speed_x_m_s"
+
+    @property
+    def differentiates_wheels(self) -> bool:
+        """Likewise of a speed that wheels measure, which may slip; a position does not."""
+        return self.differentiates_speed and self.channels["speed_x_m_s"].derivative_of is None
 
     def derivation_order(self) -> list[str]:
         """Channel names with sources first.

@@ -47,20 +47,8 @@ def _relative_u(evidence: Evidence, _: Motion) -> float:
     return u_kg / weighing.fit.mass_kg if np.isfinite(weighing.fit.u_kg) else np.nan
 
 
-def _from_priors(weighing: Weighing) -> dict[str, float]:
-    """By term, how far it is from its prior's mean, in widths of that prior.
-
-    By this log itself: a prior that a calibration learnt leaves it nothing to say. The lag has a
-    check of its own, in seconds.
-    """
-    fit = weighing.own
-    apart = np.abs(fit.posterior[0] - fit.prior_means.mean) / fit.prior_std
-    by_name = zip((term.name for term in fit.terms), apart.tolist(), strict=True)
-    return {name: widths for name, widths in by_name if name != "lag"}
-
-
 def _farthest_term(evidence: Evidence, _: Motion) -> str:
-    widths = {} if evidence.weighing is None else _from_priors(evidence.weighing)
+    widths = {} if evidence.weighing is None else evidence.weighing.own.from_priors
     return max(widths, key=widths.__getitem__, default="")
 
 
@@ -123,7 +111,7 @@ FIT_CHECKS: Final = (
     CheckRow(
         "beyond_prior",
         "mass",
-        _of_fit(lambda weighing: max(_from_priors(weighing).values())),
+        _of_fit(lambda weighing: max(weighing.own.from_priors.values())),
         "term farthest from its prior, in standard deviations of the prior: more stands for "
         "something else",
         maximum="beyond_prior_max",

@@ -278,7 +278,7 @@ def equation(
         settings.align.rate_hz,
         measured,
         level,
-        _column(aligned, "acc_x_m_s2", known) if machine.differentiates_speed else None,
+        _column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         _progress(speed.size),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,

@@ -143,6 +143,13 @@ class JointFit:
         return dict(zip((term.name for term in self.terms), found.tolist(), strict=True))
 
     @property
+    def from_priors(self) -> dict[str, float]:
+        """By term, how far it is from the mean of its prior, in widths; the lag is found anew."""
+        apart = np.abs(self.posterior[0] - self.prior_means.mean) / self.prior_std
+        by_name = zip((term.name for term in self.terms), apart.tolist(), strict=True)
+        return {name: widths for name, widths in by_name if name != "lag"}
+
+    @property
     def main(self) -> int:
         """The state that most manoeuvres are of."""
         return 0 if self.states is None else int(np.bincount(self.states.of).argmax())

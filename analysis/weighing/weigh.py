@@ -166,7 +166,8 @@ def weigh(
             fitted = Fitted.of(driving, columns, priors)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
-            if not curvature(alone, columns, priors).shows:
+            beyond = max(alone.from_priors.values()) > settings.verdict.beyond_prior_max
+            if not beyond and not curvature(alone, columns, priors).shows:
                 braking_kg = _apart_kg(fit, alone)
                 allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))

@@ -79,6 +79,7 @@ def _shift(
     ]
     summary = {"cycles_counted": len(cycles), "payload_kg": sum_kg, "payload_u_kg": 30.0}
     summary |= {"lost_kg": lost_kg[0], "lost_u_kg": lost_kg[1]}
+    summary |= {"uncounted_kg": 0.0, "uncounted_u_kg": 0.0}
     return shifts.IndependentShift(0, truth, cycles, summary, ["not counted: 1 dump"], "", "", 0.0)
 
 
