@@ -6,7 +6,7 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.averages import EarlierRounds, averages
+from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages
 from analysis.weighing.drifts import LikelyDrifts
 from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
 from analysis.weighing.fit_task import FitTask
@@ -26,6 +26,8 @@ MEANS: Final = (5, 10, 20, 40, 80, 160)
 _ROUNDS: Final = 4
 #: Of the fits that choose the mean: a lag that is not made up for would choose.
 _PILOT_ROUNDS: Final = 2
+#: Of finding a squat under loads whose size it changes.
+_SQUAT_ROUNDS: Final = 4
 #: Likewise of load states and the fit that takes the nuisances off.
 _STATE_ROUNDS: Final = 4
 #: A mass of less, as a share of force over acceleration, is none.
@@ -172,14 +174,19 @@ def with_likely_drifts(found: JointFit, noise: NoiseOfColumns, priors: PriorSett
 def with_squat(found: JointFit, priors: PriorSettings) -> JointFit:
     """Look for an accelerometer whose gain changes with the load."""
     wheels, loads, states = found.kinematics, found.found.relative_loads, found.states
-    if wheels is None or loads is None or states is None or not wheels.goes_together:
+    if wheels is None or loads is None or states is None:
         return found
     told = found.motion.without_gravity is None or wheels.squat[0] > 0.0
     if not (found.motion.by_accelerometer and told):
         return found
     first = np.unique(states.of, return_index=True)[1]
-    squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
-    return replace(found, squat=squat)
+    for _ in range(_SQUAT_ROUNDS):
+        squat = find_squat(found.motion, wheels, loads, loads.value[first], priors.gain_by_load)
+        found = replace(found, squat=squat)
+        # a squat that is not taken off makes loads of another size
+        shares = loads.weight_shares
+        loads = RelativeLoads.of(states.unit, found.masses_kg[states.of], shares) or loads
+    return found
 
 
 def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:

@@ -28,10 +28,8 @@ _FEWEST_MEANS: Final = 10
 _FEWEST_STRETCHES: Final = 6
 #: A body squats with its load in one log of ten, before anything is measured.
 _BEFORE: Final = 0.1
-#: It does in one of two where the wheels say that it squats at all: its gain then grows with the
-#: load by about so many times what it is.
+#: It does in one of two where the wheels say that it squats at all.
 _BEFORE_IF_SQUATS: Final = 0.5
-_GROWS: Final = 1.5
 #: Odds beyond this, as a logarithm, are certain.
 _SURE: Final = 50.0
 
@@ -92,7 +90,7 @@ def find_squat(
     before = _BEFORE
     if wheels.gain_counts and wheels.gain[0] < 0.0:
         # a body that squats without a load does so more with one
-        before, prior_std = _BEFORE_IF_SQUATS, min(_GROWS * abs(wheels.gain[0]), prior_std)
+        before = _BEFORE_IF_SQUATS
     # normal densities of what was measured, with a change and without
     wide = variance + prior_std**2
     log_odds = 0.5 * (np.log(variance / wide) + value**2 * (1.0 / variance - 1.0 / wide))
@@ -112,8 +110,11 @@ _Stretch = tuple[Floats, Floats, Floats, float]
 def _stretches(motion: Equation, wheels: Kinematics, loads: RelativeLoads) -> list[_Stretch]:
     """Columns (means, 4), response and time of each stretch, without their means, and its load."""
     assert motion.specific_force is not None
-    in_time = motion.with_speed_moved_back(wheels.delay_s[0])
-    ground = ground_speed(in_time.speed, motion.force, wheels.slip_1_N[0])
+    # such a squat is itself a reason why wheels and accelerometer do not go together
+    known = wheels.goes_together
+    delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
+    in_time = motion.with_speed_moved_back(delay_s)
+    ground = ground_speed(in_time.speed, motion.force, slip_1_N)
     relative = loads.at(motion.unit)
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
     found: list[_Stretch] = []

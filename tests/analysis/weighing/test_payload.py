@@ -1,0 +1,139 @@
+"""Payload by difference where a force grows with the load, drifts, or changes with the ground."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from analysis.simulation import Scenario, simulate_campaign
+from analysis.simulation.designs import joined
+from analysis.weighing.averages import Averages, RelativeLoads
+from analysis.weighing.ground import ground_scatter
+from analysis.weighing.nuisances import WeightShare
+from benchmarks.honesty_rows import LOADER, POOLED
+from benchmarks.weighed import DERIVED, machine
+from estimators.group_sums import NoiseMoments
+from replay.memory_log import MemoryLog, reading_memory
+from replay.pipeline import run
+
+LOAD_KG = 250.0
+#: What the priors hold, as a scenario has it; the payload's u without any of it is 6 to 7 kg.
+PHYSICS = {
+    "accelerometer +0.1 m/s²": {"sensors": {"acc_bias_m_s2": 0.1}},
+    "accelerometer -0.05 m/s²": {"sensors": {"acc_bias_m_s2": -0.05}},
+    "accelerometer tilted by 1°": {"defects": {"acc_tilt_deg": 1.0}},
+    "rolling resistance 2 %, one way": {"rolling": {"coefficient": 0.02}},
+    "rolling resistance 2 %, both ways": {
+        "rolling": {"coefficient": 0.02},
+        "starts": {"directions": "alternating"},
+    },
+    "offset of 300 N": {"sensors": {"force_bias_N": 300.0}},
+    "Coulomb friction of 300 N": {"machine": {"coulomb_N": 300.0}},
+    "a body that sags by 0.25°": {"chassis": {"pitch_deg_kg": -0.001}},
+    "a body that squats more with its load": {"chassis": {"squat_deg_s2_m_kg": 0.001}},
+}
+
+
+@cache
+def weighed(sections: str, settings: tuple[str, ...] = ()):
+    """Row of the load, and the frame of the nuisances, of five empty and five loaded starts."""
+    plan = {"campaign": {"loads_kg": [0.0, LOAD_KG], "runs": 5}, "sensors": {"seed": 5}}
+    whole = joined(LOADER, plan, {"log": {"load_change_s": 5.0}}, dict(PHYSICS.get(sections, {})))
+    scenario = Scenario.model_validate(whole)
+    logs = list(simulate_campaign(scenario))
+    times = logs[0].trials.select("start_ns", "end_ns").to_numpy()
+    empty_s = float(times.max() - times.min()) / 1e9
+    named = ("settings.loads.empty_from_s=0.0", f"settings.loads.empty_to_s={empty_s}")
+    own = machine((POOLED, *named, *settings))
+    body = {"empty_mass_kg": 3614.0, "force_share": scenario.machine.force_share}
+    own = own.model_copy(update={"machine": own.machine.model_copy(update=body)})
+    frames = run([MemoryLog(log) for log in logs], reading_memory(own, logs[0])).frames
+    (load,) = frames["loads"].filter(~frames["loads"]["empty"]).to_dicts()
+    return load, dict(frames["nuisances"].select("term", "posterior").iter_rows())
+
+
+@pytest.mark.parametrize("name", PHYSICS)
+def test_the_payload_holds_its_uncertainty_with(name: str):
+    load, _ = weighed(name)
+    assert abs(load["payload_kg"] - LOAD_KG) < 2.5 * load["payload_u_kg"]
+    assert load["payload_u_kg"] < 20.0
+
+
+def test_without_any_of_it_the_payload_is_little_wider_for_it():
+    load, _ = weighed("none")
+    assert abs(load["payload_kg"] - LOAD_KG) < 2.5 * load["payload_u_kg"]
+    # 4.7 kg where nothing may grow with the load or drift
+    assert load["payload_u_kg"] < 7.5
+
+
+def test_one_load_has_no_terms_that_differ_by_load():
+    scenario = Scenario.model_validate(joined(LOADER, {"campaign": {"runs": 3}}))
+    logs = list(simulate_campaign(scenario))
+    own = machine((POOLED,))
+    found = run([MemoryLog(log) for log in logs], reading_memory(own, logs[0]))
+    assert not {"weight_const", "weight_direction"} & set(found.frames["nuisances"]["term"])
+
+
+def test_a_log_without_a_drift_has_none_in_its_fit():
+    _, terms = weighed("none")
+    assert abs(terms["gain_drift"]) < 0.002
+
+
+def test_a_derived_acceleration_has_its_slip_as_a_term_of_the_mass():
+    _, terms = weighed("none", settings=(*DERIVED, "settings.loads.empty_to_s=60.0"))
+    assert "slip_acceleration" in terms
+
+
+class TestWeightShare:
+    def test_equal_parts_share_the_force_evenly(self):
+        found = WeightShare.of(300.0, 300.0)
+        assert found.expected == pytest.approx(0.5)
+        # of a known sum, each part deviates by 300 / √2
+        assert found.std_N == pytest.approx(300.0 / np.sqrt(2.0))
+
+    def test_a_force_that_is_all_weight_leaves_nothing_to_tell(self):
+        found = WeightShare.of(1e-9, 300.0)
+        assert found.expected == pytest.approx(1.0)
+        assert found.std_N == pytest.approx(0.0, abs=1e-6)
+
+
+class TestRelativeLoads:
+    def test_they_are_relative_to_the_mean_of_the_manoeuvres(self):
+        found = RelativeLoads.of(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
+        assert found is not None
+        np.testing.assert_allclose(found.at(np.array([3, 5])), [-0.1, 0.1])
+
+    def test_a_manoeuvre_that_is_not_known_goes_with_the_one_before(self):
+        found = RelativeLoads.of(np.array([3, 5]), np.array([900.0, 1100.0]), (0.5, 0.5))
+        assert found is not None
+        np.testing.assert_allclose(found.at(np.array([1, 4, 9])), [-0.1, -0.1, 0.1])
+
+    def test_masses_that_are_none_have_no_relation(self):
+        assert RelativeLoads.of(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
+
+
+class TestGroundScatter:
+    @staticmethod
+    def rows(std_N: float, far: float = 0.0) -> Averages:
+        """Rows of f = m a + c with constants c of a stretch, and white noise of 10 N."""
+        stretches, samples = 60, 120
+        dice = np.random.default_rng(7)
+        group = np.repeat(np.arange(stretches), samples)
+        a = np.tile(1.5 * np.exp(-np.linspace(0.0, 3.0, samples)), stretches)
+        constant = dice.normal(0.0, std_N, stretches)
+        constant[-1] += far
+        f = 3000.0 * a + constant[group] + dice.normal(0.0, 10.0, group.size)
+        nothing = NoiseMoments(np.zeros((stretches, 2, 2)), np.zeros((stretches, 2)))
+        A = np.column_stack([a, np.zeros(a.size)])
+        return Averages(A, f, group, np.ones(group.size), nothing, 6)
+
+    def test_even_ground_has_none(self):
+        assert ground_scatter(self.rows(0.0), np.zeros(1), 10, 100.0) == 0.0
+
+    def test_one_stretch_that_is_far_off_is_no_ground(self):
+        assert ground_scatter(self.rows(0.0, far=500.0), np.zeros(1), 10, 100.0) == 0.0
+
+    def test_it_is_the_variance_of_the_constants_over_the_noise_of_a_second(self):
+        found = ground_scatter(self.rows(100.0), np.zeros(1), 10, 100.0)
+        # 20 rows a second of 10 N each
+        assert found == pytest.approx(100.0**2 / (10.0**2 / 20.0), rel=0.4)
