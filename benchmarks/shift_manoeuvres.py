@@ -19,7 +19,7 @@ from analysis.cycles.shift import shift
 from analysis.schema import build
 from analysis.weighing.averages import EarlierRounds
 from analysis.weighing.growth import Filling
-from analysis.weighing.joint_fit import JointFit, PriorMeans
+from analysis.weighing.joint_result import JointFit, PriorMeans
 from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.states import States, found_states
 from analysis.weighing.weigh import Curvature, Weighing
