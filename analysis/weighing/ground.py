@@ -8,11 +8,11 @@ of its own; a scatter that chance explains is none.
 from typing import Final
 
 import numpy as np
-from scipy.special import chdtrc
 
 from analysis.weighing.averages import Averages, stride_of
 from analysis.weighing.equation import Floats
 from estimators.autocorrelation import pooled_autocorrelation
+from estimators.between_variance import between_variance
 from estimators.fit_loss import group_ids, group_rows
 
 #: Chance makes constants differ as much with this probability: in few logs of a thousand.
@@ -24,8 +24,7 @@ _FEWEST: Final = 6
 def ground_scatter(rows: Averages, shared: Floats, samples: int, rate_hz: float) -> float:
     """Variance of the stretches' constants over that of the noise of a second's mean, in 1/s.
 
-    By the moments of their weighted squares (DerSimonian and Laird 1986); 0 where chance explains
-    them.
+    0 where chance explains them (`between_variance`).
 
     Args:
         rows: what is fitted: acceleration first.
@@ -43,13 +42,13 @@ def ground_scatter(rows: Averages, shared: Floats, samples: int, rate_hz: float)
         return 0.0
     for number, part in told.items():
         own = np.column_stack([rows.A[part, 0], np.ones(part.size)])
-        (_, constant), *_ = np.linalg.lstsq(own, left[part])
-        residual[part] = left[part] - own @ np.linalg.lstsq(own, left[part])[0]
+        fitted = np.linalg.lstsq(own, left[part])[0]
+        residual[part] = left[part] - own @ fitted
         index[part] = number
         a = own[:, 0]
         # what of a constant the acceleration does not take
         squares.append(part.size - a.sum() ** 2 / (a @ a))
-        means.append(constant * rows.direction[part[0]])
+        means.append(fitted[1] * rows.direction[part[0]])
     correlation, _ = pooled_autocorrelation(residual, index, None)
     white = float(residual @ residual) / max(int((index >= 0).sum()) - 2 * len(told), 1)
     noise = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
@@ -59,11 +58,6 @@ def ground_scatter(rows: Averages, shared: Floats, samples: int, rate_hz: float)
     # one that is far from all others is no ground: a load that changes, a stop
     far = np.argmax(weight * (constant - np.median(constant)) ** 2)
     constant, weight = np.delete(constant, far), np.delete(weight, far)
-    mean = float(weight @ constant / weight.sum())
-    misfit, freedom = float(weight @ (constant - mean) ** 2), constant.size - 1
-    if float(chdtrc(freedom, misfit)) > _BY_CHANCE:
-        return 0.0
-    spare = float(weight.sum() - (weight @ weight) / weight.sum())
-    variance = (misfit - freedom) / spare
+    variance = between_variance(constant, weight, _BY_CHANCE)
     rows_a_second = rate_hz / stride_of(samples)
     return variance * rows_a_second / noise

@@ -152,13 +152,9 @@ def growing(
 def _left(fit: JointFit, rows: Averages, unit: Ints) -> Floats:
     """What the fit leaves of the rows, (n,) in N; anything where they are of no manoeuvre."""
     assert fit.states is not None
-    theta = fit.theta[fit.count :].copy()
-    if fit.shifted:
-        # the force has been moved back by it
-        theta[1 + [term.name for term in fit.terms].index("lag")] = 0.0
     place = np.searchsorted(fit.states.unit, unit).clip(0, fit.states.unit.size - 1)
     masses = fit.theta[: fit.count][fit.states.of[place]]
-    return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ theta
+    return rows.f - rows.A[:, 0] * masses - rows.A[:, 1:] @ fit.shared
 
 
 def _slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:

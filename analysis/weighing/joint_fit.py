@@ -11,7 +11,7 @@ from analysis.weighing.drifts import LikelyDrifts
 from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.ground import ground_scatter
-from analysis.weighing.joint_result import JointFit, MotionResponses, place_of
+from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import (
     NUISANCES,
@@ -234,11 +234,7 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
 def _with_ground(found: JointFit, of: Fitted) -> tuple[JointFit, Fitted]:
     """Fit once more with constants that scatter from stretch to stretch, where they do."""
     rows = averages(found.motion, of.noise, found.terms, found.mean_samples, found.found)
-    shared = found.theta[found.count :].copy()
-    if found.shifted:
-        # the force has been moved back by it
-        shared[1 + place_of("lag", found.terms)] = 0.0
-    scatter_1_s = ground_scatter(rows, shared, found.mean_samples, found.motion.rate_hz)
+    scatter_1_s = ground_scatter(rows, found.shared, found.mean_samples, found.motion.rate_hz)
     if not scatter_1_s:
         return found, of
     of = replace(of, ground_1_s=scatter_1_s)

@@ -113,6 +113,14 @@ class JointFit:
         return float(self.theta[self.count])
 
     @property
+    def shared(self) -> Floats:
+        """(1 + terms,) friction and terms of columns whose force has been moved back by its lag."""
+        shared = self.theta[self.count :].copy()
+        if self.shifted:
+            shared[1 + place_of("lag", self.terms)] = 0.0
+        return shared
+
+    @property
     def friction(self) -> tuple[float, float]:
         """Viscous friction and its deviation, in N·s/m."""
         return self.viscous, float(self.fit.std[self.count])
