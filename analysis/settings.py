@@ -199,6 +199,22 @@ class PriorSettings(BaseModel):
     direction_weight_share: float = Field(
         0.01, gt=0, description="and as a share of the machine's weight, likewise"
     )
+    ground_share: float = Field(
+        0.01,
+        gt=0,
+        description="prior of what differs between the ground where loaded starts begin and where "
+        "empty ones do, as a share of the machine's weight",
+    )
+    ground_uneven_share: float = Field(
+        0.01,
+        gt=0,
+        description="prior of how the ground's force differs from start to start, likewise",
+    )
+    ground_change_share: float = Field(
+        0.005,
+        gt=0,
+        description="prior of the change of the ground's force over ten metres, likewise",
+    )
     viscous_drift_share: float = Field(
         0.1,
         gt=0,

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy.linalg import toeplitz
 
 from estimators.autocorrelation import (
     autocovariance_loss,
@@ -162,9 +163,8 @@ class PriorSolution:
         grown, ratio = _between_groups(gain, spread, covariance + scatter, count)
         scatter = scatter + grown
         signs = np.ones(residual.size) if grouping.direction is None else grouping.direction
-        common_gain = gain @ shape.wide(turns[told], shape.levels.of[told]) / max(len(told), 1)
         misfit, common = _common_misfit(
-            common_gain, A, residual, [sums.rows[i] for i in told], signs
+            gain, A, residual, _Told([sums.rows[i] for i in told], turns[told], shape, told), signs
         )
         # where noise is nearly all there is, what was not taken off is doubted whole
         doubt = doubted_share(kept) * gain @ turned.taken
@@ -268,6 +268,34 @@ def fit(
     return solve(A, f, group, noise, prior_mean, prior_std, grouping).fit
 
 
+@dataclass(frozen=True)
+class _Told:
+    """The groups that tell something of their own.
+
+    Attributes:
+        rows: of each, its samples.
+        turns: (groups, p, p) what its scores become where its level scatters.
+        shape: how its parameters are those of the whole.
+        number: of each, among all groups.
+    """
+
+    rows: list[Ints]
+    turns: Floats
+    shape: LevelShape
+    number: list[int]
+
+    def scores(self, A: Floats, direction: Floats, length: int) -> Floats:
+        """(length, wide) what a residual of 1 that all groups have so far in adds to the scores."""
+        count = self.shape.levels.count
+        total = np.zeros((length, count + A.shape[1] - 1))
+        for part, turn, number in zip(self.rows, self.turns, self.number, strict=True):
+            inside = part[:length]
+            own = A[inside] @ turn.T * direction[part[part.size // 2]]
+            total[: inside.size, self.shape.levels.of[number]] += own[:, 0]
+            total[: inside.size, count:] += own[:, 1:]
+        return total
+
+
 def _at_least(meats: Floats, gram: Floats) -> Floats:
     """The same where no direction has less than a share of what white residuals have.
 
@@ -305,16 +333,15 @@ def _between_groups(
 
 
 def _common_misfit(
-    gain: Floats, A: Floats, residual: Floats, rows: list[Ints], direction: Floats
+    gain: Floats, A: Floats, residual: Floats, told: _Told, direction: Floats
 ) -> tuple[Floats, float]:
     """What all groups miss alike adds, (wide, wide), and the ratio of its square to its noise.
 
-    The gain (wide, p) is that of a score which every group has.
     Averaged over the groups from where each begins, residuals that are noise leave a share 1/groups
     of their variance. What is left beyond counts as one draw of an error with the correlation of
     that average: repeating it in every group does not average it out.
     """
-    nothing = np.zeros((len(gain), len(gain)))
+    nothing, rows = np.zeros((len(gain), len(gain))), told.rows
     if len(rows) < 3:
         return nothing, float("nan")
     length = int(np.median([part.size for part in rows]))
@@ -331,9 +358,6 @@ def _common_misfit(
     if not ratio > _MISFIT:
         return nothing, ratio
     correlation, _ = pooled_autocorrelation(mean, np.zeros(mean.size, np.int64), None)
-    typical = min(rows, key=lambda part: abs(part.size - length))
-    one = np.ascontiguousarray(A[typical] * direction[typical[typical.size // 2]])
-    zeros = np.zeros(typical.size, np.int64)
-    spread = _at_least(meat(one, zeros, 0, 0, typical.size - 1, correlation), one.T @ one)
-    spread *= square - left
-    return gain @ (spread * len(rows) ** 2) @ gain.T, ratio
+    moved = told.scores(A, direction, length) @ gain.T
+    lasts = toeplitz(np.concatenate([correlation, np.zeros(length)])[:length])
+    return moved.T @ lasts @ moved * (square - left), ratio

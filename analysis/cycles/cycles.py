@@ -13,8 +13,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.check import Verdict
+from analysis.cycles.empty_machine import contradicted_empty_mass, states_of_passes
 from analysis.cycles.parts import CycleParts, cycle_parts, dump_times
 from analysis.cycles.passes import NO_PASSES, Passes, passes
+from analysis.cycles.witnessed import with_witnessed
 from analysis.machine import Machine
 from analysis.schema import FRAMES, build
 from analysis.weighing.budget import budget, combined
@@ -28,6 +30,7 @@ _WEAK: Final = 0.25
 #: The cleanest bucket is this quantile of the empty passes: the least of many is the noisiest.
 _CLEANEST: Final = 0.1
 _UNSEEN: Final = "dumped while nothing was recorded"
+_CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
 #: So few empty passes do not tell how what is carried back differs.
 _FEWEST: Final = 4
 
@@ -81,12 +84,17 @@ def cycles(
     motion = frames["aligned"], frames["excitation"]
     found = known or passes(frames["loads"], frames["manoeuvres"], digs, *motion) or NO_PASSES
     parts = cycle_parts(found, digs)
+    dump_times(parts, found, *motion)
+    contradicts = False
+    if known is None:
+        parts, contradicts = with_witnessed(parts, found, digs, *motion)
     if not parts:
         return _frame([])
-    dump_times(parts, found, *motion)
     withheld = ", ".join(check.check for check in verdict.failed("mass"))
+    withheld = _CONTRADICTED if contradicts else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
+    withheld = withheld or contradicted_empty_mass(weighing, machine, found)
     share = _tare_share(found)
     common = _common(weighing, machine, found, parts, share)
     cleanest = _cleanest(found)
@@ -290,16 +298,14 @@ def _common(
     whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
     if weighing is None or weighing.fit.states is None or not whole:
         return nothing
-    fit, states = weighing.fit, weighing.fit.states
-    # (states, passes), so that masses of passes are those of states weighted
-    of_states = np.zeros((fit.count, count))
-    np.add.at(of_states, (states.of, found.of), found.share)
+    fit = weighing.fit
+    of_states = states_of_passes(fit, found)
     weights = np.sum([pass_weights(part, tare, count) for part in whole], axis=0)
     sources = budget(weighing, machine, of_states @ weights)
     total_kg = max(abs(float(weights @ found.mass_kg)), 1e-9)
     kept = combined(sources, "random") ** 2 - float(weights**2 @ found.u_kg**2)
     common = combined(sources, "common", "scale")
-    names = {term.name for term in fit.terms}
+    names = {term.source or term.name for term in fit.terms}
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.count)
     covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states

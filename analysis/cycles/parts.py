@@ -15,6 +15,8 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _NS: Final = 1e9
+#: A stand of so long is no part of the work.
+_IDLE_S: Final = 30.0
 #: So long without a sample it may have dumped there as well.
 _HOLE_S: Final = 5.0
 
@@ -126,14 +128,14 @@ def dump_times(
         if later is not None and later.dig_ns is not None and later.dig_ns[0] > ready:
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
-        dumped = found.dumps.within(ready, empty)
+        dumped = found.dumps.beside(ready, empty)
         if not dumped and (cycle.loaded is None or not over):
             continue
         first, last = np.searchsorted(t_ns, [ready, empty])
         part = slice(first, last + 1)
         if dumped:
-            cycle.dump_ns = _around(dumped[0], stands[part], t_ns[part])
-            cycle.dumped_ns = sum(dumped[0]) // 2
+            cycle.dump_ns = _around(dumped[0][:2], stands[part], t_ns[part])
+            cycle.dumped_ns = dumped[0].dumped_ns
             continue
         stand = _stand(stands[part], boom[part], t_ns[part])
         by_boom = stand is not None and stand[2]
@@ -171,6 +173,21 @@ def _hole(t_ns: Ints) -> tuple[int, int] | None:
         return None
     widest = int(np.argmax(steps))
     return int(t_ns[widest]), int(t_ns[widest + 1])
+
+
+def longest_stand(excitation: pl.DataFrame, start_ns: int, end_ns: int) -> tuple[int, int] | None:
+    """The longest stand in a stretch of time that is no idling; None where there is none."""
+    t_ns = excitation["t_ns"].to_numpy()
+    inside = (t_ns > start_ns) & (t_ns < end_ns)
+    stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy() & inside
+    edges = np.diff(np.concatenate([[0], stands.astype(np.int8), [0]]))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    length = t_ns[ends] - t_ns[begins]
+    length[length > _IDLE_S * _NS] = 0
+    if not length.any():
+        return None
+    best = int(np.argmax(length))
+    return int(t_ns[begins[best]]), int(t_ns[ends[best]])
 
 
 def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, int, bool] | None:

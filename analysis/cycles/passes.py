@@ -181,7 +181,7 @@ def _changed_at_dumps(
     Where masses have a load dumped a few manoeuvres sooner or later, in a place in which the boom
     shows nothing, what moves in between is on the other side.
     """
-    at = [int(np.searchsorted(begin, sum(span) // 2)) for span in dumps.spans]
+    at = [int(np.searchsorted(begin, each.dumped_ns)) for each in dumps.dumps]
     dug = np.unique(np.searchsorted(begin, digs["start_t_ns"].to_numpy()))
     moved = loaded.copy()
     for first in np.flatnonzero(loaded[:-1] & ~loaded[1:]) + 1:

@@ -58,7 +58,7 @@ def uncounted_cycles(
     end_ns = int(t_ns[-1]) if t_ns.size else 0
     times = cycles["dump_t_ns"].drop_nulls().to_list()
     boom = boom_dumps(aligned, excitation, [(t - ONE_DUMP_NS, t + ONE_DUMP_NS) for t in times])
-    likely = _of_rows(cycles, boom) + _of_dumps(cycles, boom)
+    likely = _of_rows(cycles, boom)
     on_board = cycles.tail(1).filter(pl.col("quality") == "not dumped")
     load_kg = load_u_kg = None
     if on_board.height:
@@ -67,7 +67,7 @@ def uncounted_cycles(
         likely += [_MAY_DUMP] * (goes_on and not boom.tells)
     p = np.array(likely, np.float64)
     return UncountedCycles(
-        len(boom.spans) if boom.tells else None,
+        len(boom.dumps) if boom.tells else None,
         float(p.sum()),
         float(np.sqrt((p * (1.0 - p)).sum())),
         load_kg,
@@ -94,18 +94,12 @@ def price_kg(
 
 def _of_rows(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     """How likely each row without a mass was a cycle."""
-    alone = _CONTRADICTED if boom.tells else _ALONE
-    blank = cycles.filter(pl.col("payload_kg").is_null())
-    witnessed = blank["dump_t_ns"].is_not_null() | blank["haul_s"].is_not_null()
-    return [1.0 if each else alone for each in witnessed]
-
-
-def _of_dumps(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
-    """How likely each dump of the boom that is no cycle's was one."""
-    counted = cycles.filter(pl.col("counted"))
+    counted, blank = cycles.filter("counted"), cycles.filter(pl.col("payload_kg").is_null())
     dug = counted.height - counted["dig_t_ns"].null_count()
-    alone = _CONTRADICTED if dug >= _MOSTLY * max(counted.height, 1) else _ALONE
-    dumped = cycles["dump_t_ns"].drop_nulls().to_numpy()
-    middles = np.array([sum(span) // 2 for span in boom.spans], np.int64)
-    free = [each for each in middles if not (np.abs(dumped - each) <= ONE_DUMP_NS).any()]
-    return [alone] * len(free)
+    only_dug = _CONTRADICTED if boom.tells else _ALONE
+    only_dumped = _CONTRADICTED if dug >= _MOSTLY * max(counted.height, 1) else _ALONE
+    digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
+    return [
+        1.0 if haul or (dig and dump) else only_dug if dig else only_dumped
+        for dig, dump, haul in zip(digs, dumps, hauls, strict=True)
+    ]

@@ -61,6 +61,10 @@ class RelativeLoads:
         value = np.clip(mass_kg / reference_kg - 1.0, -_LARGEST_LOAD, _LARGEST_LOAD)
         return cls(unit, value, weight_shares)
 
+    def contrast_at(self, unit: Ints) -> Floats:
+        """The same over the root mean square of all manoeuvres'."""
+        return self.at(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
+
     def at(self, unit: Ints) -> Floats:
         """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
         place = np.searchsorted(self.unit, unit, "right") - 1
@@ -80,7 +84,7 @@ class EarlierRounds:
         speed_late_s: how late the speed is, by the wheels.
         motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
         relative_loads: of the load states; None where there is one.
-        ground_1_s: how much the ground's force differs from stretch to stretch, in variances of the
+        uneven_1_s: how much the ground's force differs from stretch to stretch, in variances of the
             noise of a second.
     """
 
@@ -92,7 +96,7 @@ class EarlierRounds:
     speed_late_s: float = 0.0
     motion_gain: float = 0.0
     relative_loads: RelativeLoads | None = None
-    ground_1_s: float = 0.0
+    uneven_1_s: float = 0.0
 
     def acting(self, motion: Equation) -> Floats:
         """The force on the ground, (n,) in N, of a motion whose force is in time."""
@@ -155,8 +159,8 @@ def averages(
     A *= weight[:, None]
     f *= weight
     group = np.concatenate([piece.group for piece in pieces])
-    if found.ground_1_s:
-        _whiten_constants(A, f, group, found.ground_1_s * stride_of(samples) / motion.rate_hz)
+    if found.uneven_1_s:
+        _whiten_constants(A, f, group, found.uneven_1_s * stride_of(samples) / motion.rate_hz)
     return Averages(
         A,
         f,
@@ -223,6 +227,8 @@ def _averaged(
         motion.progress,
         _since(motion.group) / motion.rate_hz,
         np.zeros(speed.size) if loads is None else loads.at(motion.unit),
+        np.zeros(speed.size) if loads is None else loads.contrast_at(motion.unit),
+        _travelled(motion),
         found.slip_s_m,
         found.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
@@ -246,6 +252,12 @@ def _since(group: Ints) -> Ints:
     """How many samples of its stretch are before each, (n,)."""
     row = np.arange(group.size)
     return row - np.maximum.accumulate(np.where(begins(group), row, 0))
+
+
+def _travelled(motion: Equation) -> Floats:
+    """How far each sample is from the begin of its stretch, (n,) in m."""
+    way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
+    return way - way[np.arange(way.size) - _since(motion.group)]
 
 
 def _under_way(group: Ints, lag: int) -> Ints:

@@ -8,8 +8,8 @@ import numpy as np
 
 from analysis.machine import Machine
 from analysis.weighing.equation import Floats
+from analysis.weighing.ground import SOURCE
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
-from analysis.weighing.nuisances import NUISANCES
 from analysis.weighing.weigh import Weighing
 
 #: The answer leans on its priors when doubling them moves it by so many of its deviations.
@@ -55,9 +55,14 @@ _PARTS: Final = {
         "masses that change or that scatter: the log cannot tell which",
         "more starts with each load; a boom or bucket channel; machine.repeatability_kg",
     ),
-    "other_drifts": _FitPart(
+    SOURCE: _FitPart(
         "common",
-        "drifts of gain or friction that the log neither shows nor rules out",
+        "ground that holds the machine by another force where it starts with a load",
+        "more cycles; a pitch channel; even ground",
+    ),
+    "other_effects": _FitPart(
+        "common",
+        "drifts and uneven ground that the log neither shows nor rules out",
         "loads that come back: empty, loaded, empty; a machine that is warm",
     ),
     "squat": _FitPart(
@@ -193,12 +198,16 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     fit, body = weighing.fit, machine.machine
     sum_kg = abs(float(weights @ fit.masses_kg))
     loaded_kg = abs(float(weights @ (fit.masses_kg * _relative_loads(fit, machine))))
-    priors = {term.name: term for term in NUISANCES}
+    terms = {term.name: term for term in fit.terms}
     sources: list[UncertaintySource] = []
     parts_kg = fit.parts_kg(weights)
-    for name, u_kg in {**parts_kg, **_doubts(weighing, weights, parts_kg)}.items():
-        if name in priors:
-            term = priors[name]
+    parts_kg |= _doubts(weighing, weights, parts_kg)
+    parts_kg[SOURCE] = float(
+        np.linalg.norm([parts_kg.pop(n) for n, t in terms.items() if t.source])
+    )
+    for name, u_kg in parts_kg.items():
+        if name in terms:
+            term = terms[name]
             sources.append(UncertaintySource(name, "common", u_kg, term.meaning, term.shrinks))
         elif u_kg > 0.0:
             part = _PARTS[name]

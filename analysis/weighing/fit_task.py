@@ -7,8 +7,9 @@ import numpy as np
 
 from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages
-from analysis.weighing.drifts import NARROW
+from analysis.weighing.effects import NARROW
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
+from analysis.weighing.ground import SOURCE
 from analysis.weighing.joint_result import JointFit, PriorMeans, place_of
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.nuisances import (
@@ -45,7 +46,7 @@ class FitTask:
     terms: tuple[Nuisance, ...]
     wheels: Kinematics | None
     states: States | None
-    ground_1_s: float = 0.0
+    uneven_1_s: float = 0.0
 
     def beginning(self, stretches: int) -> "FitTask":
         """The same up to the end of so many stretches."""
@@ -74,7 +75,7 @@ class FitTask:
                 motion_gain=self._squat_gain(),
                 speed_late_s=self._speed_late_s(),
                 relative_loads=self._relative_loads(),
-                ground_1_s=self.ground_1_s,
+                uneven_1_s=self.uneven_1_s,
             )
         )
         known = known if shift else replace(known, lag_s=0.0)
@@ -163,6 +164,10 @@ class FitTask:
         mean, std = self._priors(fit.theta[: fit.count + 1])
         if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
             std[place_of("gain_drift", self.terms)] *= NARROW
+        # loads that alternate and ground that does are told apart by the fit of both, not here
+        ground = [place for place, term in enumerate(self.terms) if term.source == SOURCE]
+        mean[ground] = fit.theta[fit.count + 1 :][ground]
+        std[ground] *= NARROW
         lag = place_of("lag", self.terms)
         mean[lag] -= found.lag_s
         rows = averages(self.motion, self.noise, self.terms, samples, found)

@@ -1,63 +1,106 @@
-"""Ground that holds the machine by another force from place to place.
+"""The terms of uneven ground: what holds the machine along the way, with a load and without.
 
-A start on soft ground and one on hard ground differ by a constant force, which a mass alone would
-have to take. How much such constants scatter is told by the stretches themselves, each with a mass
-of its own; a scatter that chance explains is none.
+A machine that hauls starts with its load where it digs, and without it where it dumps. What slope
+and rolling resistance do there, and how they change on the way, comes back with the load at every
+start, so that more starts do not average it out: a mass alone would have to take it. So each
+direction has a force along the way for loaded starts and one for empty ones, on a line between a
+few places. What is the same at all such starts is no mass.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from analysis.weighing.averages import Averages, stride_of
-from analysis.weighing.equation import Floats
-from estimators.autocorrelation import pooled_autocorrelation
-from estimators.between_variance import between_variance
-from estimators.fit_loss import group_ids, group_rows
+from analysis.settings import PriorSettings
+from analysis.weighing.equation import Equation, Floats
+from analysis.weighing.nuisances import Moments, Nuisance
 
-#: Chance makes constants differ as much with this probability: in few logs of a thousand.
-_BY_CHANCE: Final = 1e-3
-#: Fewer stretches do not tell how they scatter.
-_FEWEST: Final = 6
+#: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
+#: machine's length or two while it gains speed, then farther apart.
+_PLACES_M: Final = (0.0, 2.0, 6.0, 20.0, 60.0)
+#: Length of way, in m, over which the ground's force changes by `ground_change_share`.
+_CHANGES_OVER_M: Final = 10.0
+#: Fewer manoeuvres do not tell the ground from the loads.
+FEWEST: Final = 24
+#: A direction has ground of its own that so much of the samples drive in.
+_LEAST_SHARE: Final = 0.05
+#: What all of it is in the budget.
+SOURCE: Final = "ground"
 
 
-def ground_scatter(rows: Averages, shared: Floats, samples: int, rate_hz: float) -> float:
-    """Variance of the stretches' constants over that of the noise of a second's mean, in 1/s.
+@dataclass(frozen=True)
+class _Way:
+    """A direction of driving.
 
-    0 where chance explains them (`between_variance`).
-
-    Args:
-        rows: what is fitted: acceleration first.
-        shared: (p - 1,) parameters of the other columns, which all stretches share.
-        samples: of a mean.
-        rate_hz: of the grid.
+    Attributes:
+        name: of it.
+        sign: 1 forwards, -1 in reverse.
     """
-    left = rows.f - rows.A[:, 1:] @ shared
-    index = np.full(rows.f.size, -1, np.int64)
-    residual = np.zeros(rows.f.size)
-    means, squares = [], []
-    parts = dict(zip(group_ids(rows.group).tolist(), group_rows(rows.group), strict=True))
-    told = {number: part for number, part in parts.items() if part.size >= rows.shortest}
-    if len(told) < _FEWEST:
-        return 0.0
-    for number, part in told.items():
-        own = np.column_stack([rows.A[part, 0], np.ones(part.size)])
-        fitted = np.linalg.lstsq(own, left[part])[0]
-        residual[part] = left[part] - own @ fitted
-        index[part] = number
-        a = own[:, 0]
-        # what of a constant the acceleration does not take
-        squares.append(part.size - a.sum() ** 2 / (a @ a))
-        means.append(fitted[1] * rows.direction[part[0]])
-    correlation, _ = pooled_autocorrelation(residual, index, None)
-    white = float(residual @ residual) / max(int((index >= 0).sum()) - 2 * len(told), 1)
-    noise = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
-    if not noise > 0.0:
-        return 0.0
-    constant, weight = np.array(means), np.array(squares) / noise
-    # one that is far from all others is no ground: a load that changes, a stop
-    far = np.argmax(weight * (constant - np.median(constant)) ** 2)
-    constant, weight = np.delete(constant, far), np.delete(weight, far)
-    variance = between_variance(constant, weight, _BY_CHANCE)
-    rows_a_second = rate_hz / stride_of(samples)
-    return variance * rows_a_second / noise
+
+    name: str
+    sign: float
+
+    def terms(self) -> list[Nuisance]:
+        """Where loads begin, then how the ground changes along the way: for all, and by load."""
+        places = list(pairwise(_PLACES_M))
+        found = [self._by_load("", lambda m: np.ones(m.speed.size), self._where_loads_begin)]
+        for begin_m, end_m in places:
+            name, column = f"_{begin_m:.0f}_{end_m:.0f}m", _along(begin_m, end_m)
+            width = _changes(end_m - begin_m)
+            found.append(self._term(name, column, width, "how the ground's force changes along it"))
+            found.append(self._by_load(name, column, width))
+        return found
+
+    def _by_load(
+        self,
+        name: str,
+        column: Callable[[Moments], Floats],
+        width: Callable[[Equation, PriorSettings], float],
+    ) -> Nuisance:
+        meaning = "by how much loaded starts are on other ground than empty ones"
+        return self._term(f"{name}_by_load", lambda m: column(m) * m.load_contrast, width, meaning)
+
+    def _term(
+        self,
+        name: str,
+        column: Callable[[Moments], Floats],
+        width: Callable[[Equation, PriorSettings], float],
+        meaning: str,
+    ) -> Nuisance:
+        return Nuisance(
+            f"ground_{self.name}{name}",
+            "N",
+            lambda m: self.sign * (m.direction == self.sign) * column(m),
+            width,
+            f"{meaning}, {self.name}",
+            "more cycles; a pitch channel; even ground",
+            applies=self._applies,
+            by_load=True,
+            source=SOURCE,
+        )
+
+    @staticmethod
+    def _where_loads_begin(motion: Equation, priors: PriorSettings) -> float:
+        return priors.ground_share * motion.weight
+
+    def _applies(self, motion: Equation) -> bool:
+        ways = motion.direction[motion.used] == self.sign
+        return motion.manoeuvres >= FEWEST and float(ways.mean()) > _LEAST_SHARE
+
+
+def _along(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
+    """From 0 to 1 between two distances."""
+    return lambda m: np.clip((m.travelled_m - begin_m) / (end_m - begin_m), 0.0, 1.0)
+
+
+def _changes(over_m: float) -> Callable[[Equation, PriorSettings], float]:
+    """Standard deviation of the change over a length of way: a random walk."""
+    share = float(np.sqrt(over_m / _CHANGES_OVER_M))
+    return lambda motion, priors: priors.ground_change_share * share * motion.weight
+
+
+#: Behind the other terms.
+GROUND: Final = (*_Way("forward", 1.0).terms(), *_Way("reverse", -1.0).terms())

@@ -6,11 +6,11 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages
-from analysis.weighing.drifts import LikelyDrifts
+from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages, stride_of
+from analysis.weighing.effects import LikelyEffects
 from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.ground import ground_scatter
+from analysis.weighing.ground import FEWEST, GROUND
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import (
@@ -19,6 +19,7 @@ from analysis.weighing.nuisances import (
 )
 from analysis.weighing.squat import find_squat
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
+from estimators.autocorrelation import pooled_autocorrelation
 
 #: Lengths of the mean that are tried: the one with the smallest deviation of the mass is taken.
 MEANS: Final = (5, 10, 20, 40, 80, 160)
@@ -58,14 +59,13 @@ class Fitted:
         noise: of acceleration, speed and force.
         priors: of the nuisances.
         wheels: what they say of the accelerometer, the force as it was measured.
-        ground_1_s: how much the ground's force differs from stretch to stretch (`ground_scatter`).
     """
 
     motion: Equation
     noise: NoiseOfColumns
     priors: PriorSettings
     wheels: Kinematics | None
-    ground_1_s: float = 0.0
+    uneven_1_s: float = 0.0
 
     @classmethod
     def of(cls, motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> Self:
@@ -79,9 +79,11 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     motion = of.motion
     several = states is not None and states.count > 1
     terms = tuple(
-        term for term in NUISANCES if term.applies(motion) and (several or not term.by_load)
+        term
+        for term in (*NUISANCES, *GROUND)
+        if term.applies(motion) and (several or not term.by_load)
     )
-    whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.ground_1_s)
+    whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
@@ -145,10 +147,10 @@ def again(
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others.
 
-    Drifts that the log is unlikely to have stay left out.
+    Effects that the log is unlikely to have stay left out.
     """
-    if found.drifts is not None:
-        priors = found.drifts.narrowed(priors)
+    if found.effects is not None:
+        priors = found.effects.narrowed(priors)
     terms = (*found.terms, *extra)
     task = FitTask(found.motion, noise, priors, terms, found.kinematics, found.states)
     fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found)
@@ -159,15 +161,15 @@ def again(
         fitted,
         lag_shape_kg=found.lag_shape_kg,
         averaging_share=found.averaging_share,
-        drifts=found.drifts,
+        effects=found.effects,
         squat=found.squat,
     )
 
 
-def with_likely_drifts(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
-    """Fit without the drifts that the log is unlikely to have."""
-    likely = LikelyDrifts.of(found.fit, found.count, found.terms, found.prior_std)
-    found = replace(found, drifts=likely)
+def with_likely_effects(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
+    """Fit without the effects that the log is unlikely to have."""
+    likely = LikelyEffects.of(found.fit, found.count, found.terms, found.prior_std)
+    found = replace(found, effects=likely)
     return again(found, noise, priors, rounds=2) if likely and likely.left_out else found
 
 
@@ -210,7 +212,6 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.theta).all():
         return replace(found, states=untold_states(number))
-    found, of = _with_ground(found, of)
     seen: set[bytes] = set()
     for _ in range(_STATE_ROUNDS):
         task = FitTask(
@@ -224,6 +225,7 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
         if before is not None and np.array_equal(states.of, before.of):
             # the same loads, whose scatter is known better now
             return again(replace(found, states=states), of.noise, of.priors, rounds=2)
+        of = _with_uneven_ground(found, of)
         found = joint_fit(of, states)
         if states.of.tobytes() in seen:
             break
@@ -231,11 +233,14 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
     return found
 
 
-def _with_ground(found: JointFit, of: Fitted) -> tuple[JointFit, Fitted]:
-    """Fit once more with constants that scatter from stretch to stretch, where they do."""
+def _with_uneven_ground(found: JointFit, of: Fitted) -> Fitted:
+    """Likewise with constants that differ from stretch to stretch."""
+    if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
+        return of
+    residual = found.fit.residual
     rows = averages(found.motion, of.noise, found.terms, found.mean_samples, found.found)
-    scatter_1_s = ground_scatter(rows, found.shared, found.mean_samples, found.motion.rate_hz)
-    if not scatter_1_s:
-        return found, of
-    of = replace(of, ground_1_s=scatter_1_s)
-    return joint_fit(of, found.states), of
+    correlation, white = pooled_autocorrelation(residual, rows.group, None)
+    a_second = found.motion.rate_hz / stride_of(found.mean_samples)
+    noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
+    std_N = of.priors.ground_uneven_share * found.motion.weight
+    return replace(of, uneven_1_s=std_N**2 * a_second / noise)

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from analysis.weighing.averages import EarlierRounds
-from analysis.weighing.drifts import LikelyDrifts
+from analysis.weighing.effects import LikelyEffects
 from analysis.weighing.equation import Equation, Floats
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.nuisances import Nuisance
@@ -76,7 +76,7 @@ class JointFit:
         averaging_share: what a longer mean changes, where the mass depends on its length.
         prior_means: and their uncertainty.
         by_motion: what an error of the motion does; None where level ground is taken for granted.
-        drifts: which the log has, and what others would change; None where it can have none.
+        effects: which the log has, and what others would change; None where it can have none.
         squat: the accelerometer's gain by load; None where nothing tells it, or nothing needs it.
     """
 
@@ -94,7 +94,7 @@ class JointFit:
     prior_means: PriorMeans
     averaging_share: float = 0.0
     by_motion: MotionResponses | None = None
-    drifts: LikelyDrifts | None = None
+    effects: LikelyEffects | None = None
     squat: Squat | None = None
 
     @cached_property
@@ -190,7 +190,7 @@ class JointFit:
             "channel_noise": abs(float(fit.doubt @ wide)),
             "scatter": root(fit.scatter),
             "other_reading": 0.0 if self.states is None else self.states.other_reading_kg(weights),
-            "other_drifts": 0.0 if self.drifts is None else self.drifts.doubt_kg(weights),
+            "other_effects": 0.0 if self.effects is None else self.effects.doubt_kg(weights),
             "squat": float(np.hypot(self._of_pitch(weights), self._of_squat(weights))),
             "misfit": root(fit.misfit),
             "lag_shape": abs(float(self.lag_shape_kg @ weights)) / 2.0,

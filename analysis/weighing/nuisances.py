@@ -33,6 +33,8 @@ class Moments:
         direction: of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
         relative_load: of the machine with its load over the reference mass, less 1.
+        load_contrast: the same over its root mean square: about -1 without a load, 1 with one.
+        travelled_m: how far it is from where the stretch begins, in m.
         slip_s_m: what slip was found to cost, as a share of the force a m/s.
         transfer_s2_m: what load transfer was found to add to the force, likewise a m/s².
         weight_shares: of the constant force and of Coulomb friction, what is expected to be in
@@ -49,6 +51,8 @@ class Moments:
     progress: Floats
     under_way_s: Floats
     relative_load: Floats
+    load_contrast: Floats
+    travelled_m: Floats
     slip_s_m: float
     transfer_s2_m: float
     weight_shares: tuple[float, float]
@@ -67,6 +71,8 @@ class Moments:
             progress=self.progress[rows],
             under_way_s=self.under_way_s[rows],
             relative_load=self.relative_load[rows],
+            load_contrast=self.load_contrast[rows],
+            travelled_m=self.travelled_m[rows],
         )
 
 
@@ -85,7 +91,8 @@ class Nuisance:
         by_force: likewise by the force.
         by_acceleration: likewise by the acceleration.
         applies: whether a log can have it.
-        by_load: whether it is a difference between load states, which one load does not have.
+        by_load: whether it needs load states to be told apart: one load does not have it.
+        source: what it is a part of, where the budget has several terms as one; else empty.
     """
 
     name: str
@@ -99,6 +106,7 @@ class Nuisance:
     by_acceleration: Callable[[Moments], Floats] | None = None
     applies: Callable[[Equation], bool] = lambda _: True
     by_load: bool = False
+    source: str = ""
 
 
 def const_width(motion: Equation, priors: PriorSettings) -> float:

@@ -16,7 +16,7 @@ from analysis.weighing.joint_fit import (
     Fitted,
     again,
     joint_fit,
-    with_likely_drifts,
+    with_likely_effects,
     with_responses,
     with_squat,
     with_states,
@@ -175,7 +175,7 @@ def weigh(
                     fit = with_states(alone, fitted, machine.machine.repeatability_kg)
     doubted = not left_out and abs(braking_kg) > _DOUBTED * fit.u_kg
 
-    fit = with_likely_drifts(fit, columns, priors)
+    fit = with_likely_effects(fit, columns, priors)
     fit = with_squat(fit, priors)
     fit = with_responses(fit, columns, priors)
     alone = _alone(fit, columns, priors)

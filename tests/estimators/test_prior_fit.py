@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from estimators.group_sums import NoiseMoments, noise_moments
+from estimators.levels import Levels
 from estimators.prior_fit import Grouping, fit
 
 FREE = np.inf
@@ -285,6 +286,20 @@ class TestWhatWidens:
         unseen = fit(A, f, GROUP, None, *believed)
         assert seen.misfit.any()
         assert seen.misfit_ratio > 2.0 > unseen.misfit_ratio
+
+    def test_what_all_starts_miss_alike_is_in_both_of_two_levels_and_not_in_their_difference(self):
+        A, f, _ = drawn(9)
+        shape = np.tile(60.0 * np.sin(np.linspace(0.0, 12.0, SAMPLES)), STARTS)
+        level = np.arange(STARTS) % 2
+        # half of the starts have a column of their own, with its sign turned in the others
+        own = np.where(level[GROUP] == 1, 1.0, -1.0) * A[:, 2]
+        believed = prior(FREE, FREE, *WIDTHS, 100.0)
+        grouping = Grouping(levels=Levels(level, np.arange(STARTS)))
+        found = fit(np.column_stack([A, own]), f + shape, GROUP, None, *believed, grouping)
+        of_one = found.misfit[0, 0]
+        of_difference = found.misfit[0, 0] + found.misfit[1, 1] - 2.0 * found.misfit[0, 1]
+        assert of_one > 0.0
+        assert of_difference < 0.1 * of_one
 
     def test_noise_is_hardly_ever_taken_for_a_common_misfit(self):
         assert np.mean([bool(found.misfit.any()) for found, _ in fits()]) < 0.02

@@ -7,12 +7,10 @@ import pytest
 
 from analysis.simulation import Scenario, simulate_campaign
 from analysis.simulation.designs import joined
-from analysis.weighing.averages import Averages, RelativeLoads
-from analysis.weighing.ground import ground_scatter
+from analysis.weighing.averages import RelativeLoads
 from analysis.weighing.nuisances import WeightShare
 from benchmarks.honesty_rows import LOADER, POOLED
 from benchmarks.weighed import DERIVED, machine
-from estimators.group_sums import NoiseMoments
 from replay.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 
@@ -110,30 +108,3 @@ class TestRelativeLoads:
 
     def test_masses_that_are_none_have_no_relation(self):
         assert RelativeLoads.of(np.array([0]), np.array([-5.0]), (0.5, 0.5)) is None
-
-
-class TestGroundScatter:
-    @staticmethod
-    def rows(std_N: float, far: float = 0.0) -> Averages:
-        """Rows of f = m a + c with constants c of a stretch, and white noise of 10 N."""
-        stretches, samples = 60, 120
-        dice = np.random.default_rng(7)
-        group = np.repeat(np.arange(stretches), samples)
-        a = np.tile(1.5 * np.exp(-np.linspace(0.0, 3.0, samples)), stretches)
-        constant = dice.normal(0.0, std_N, stretches)
-        constant[-1] += far
-        f = 3000.0 * a + constant[group] + dice.normal(0.0, 10.0, group.size)
-        nothing = NoiseMoments(np.zeros((stretches, 2, 2)), np.zeros((stretches, 2)))
-        A = np.column_stack([a, np.zeros(a.size)])
-        return Averages(A, f, group, np.ones(group.size), nothing, 6)
-
-    def test_even_ground_has_none(self):
-        assert ground_scatter(self.rows(0.0), np.zeros(1), 10, 100.0) == 0.0
-
-    def test_one_stretch_that_is_far_off_is_no_ground(self):
-        assert ground_scatter(self.rows(0.0, far=500.0), np.zeros(1), 10, 100.0) == 0.0
-
-    def test_it_is_the_variance_of_the_constants_over_the_noise_of_a_second(self):
-        found = ground_scatter(self.rows(100.0), np.zeros(1), 10, 100.0)
-        # 20 rows a second of 10 N each
-        assert found == pytest.approx(100.0**2 / (10.0**2 / 20.0), rel=0.4)

@@ -1,4 +1,4 @@
-"""Which drifts a log has: none, one or several of those that the fit allows.
+"""Which effects a log has: drifts and uneven ground, none, one or several of them.
 
 A gain that drifts and friction that warms look alike while the machine drives at a steady speed,
 and free to cancel each other they hide a change of load. That a log has neither is likelier than
@@ -14,32 +14,40 @@ import numpy as np
 
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Floats
+from analysis.weighing.ground import GROUND
 from analysis.weighing.nuisances import Nuisance
 from estimators.prior_fit import PriorFit
 
-#: The terms of drifts, and the setting that is the width of their prior: one drift each.
-DRIFTS: Final = {
-    "viscous_drift": "viscous_drift_share",
-    "viscous_bend": "viscous_drift_share",
-    "gain_drift": "gain_drift",
+#: The settings that are the widths of an effect's priors.
+_WIDTHS: Final = {
+    "friction": ("viscous_drift_share",),
+    "gain": ("gain_drift",),
+    "ground": ("ground_share", "ground_change_share"),
 }
-#: A log has each drift with this probability, before anything is measured.
+#: The effect that each term is of.
+EFFECTS: Final = {
+    "viscous_drift": "friction",
+    "viscous_bend": "friction",
+    "gain_drift": "gain",
+    **{term.name: "ground" for term in GROUND},
+}
+#: A log has each effect with this probability, before anything is measured.
 _BEFORE: Final = 0.2
 _LOG_ODDS: Final = float(np.log(_BEFORE / (1.0 - _BEFORE)))
-#: The width of the prior of a drift that is left out, over its own.
+#: The width of the prior of an effect that is left out, over its own.
 NARROW: Final = 0.02
 
 
 @dataclass(frozen=True)
-class LikelyDrifts:
-    """The likeliest choice of drifts, and what the others would change.
+class LikelyEffects:
+    """The likeliest choice of effects, and what the others would change.
 
     Attributes:
-        left_out: names of the drifts that it does not have.
+        left_out: the effects that it does not have.
         probability: (choices,) of the other choices.
         moved_kg: (choices, masses) by how much each moves the masses.
-        response_kg: (masses, drifts) what a unit of each drift moves the masses by.
-        widened: (choices, drifts, drifts) covariance that each has beyond the likeliest.
+        response_kg: (masses, terms) what a unit of each term moves the masses by.
+        widened: (choices, terms, terms) covariance that each has beyond the likeliest.
     """
 
     left_out: tuple[str, ...]
@@ -52,7 +60,7 @@ class LikelyDrifts:
     def of(
         cls, fit: PriorFit, masses: int, terms: tuple[Nuisance, ...], prior_std: Floats
     ) -> Self | None:
-        """Weigh the choices by a fit that has all drifts; None where it has none.
+        """Weigh the choices by a fit that has all effects; None where it has none.
 
         Args:
             fit: masses, friction and terms.
@@ -60,7 +68,7 @@ class LikelyDrifts:
             terms: the nuisances.
             prior_std: (terms,) widths of their priors, whose means are 0.
         """
-        own = [place for place, term in enumerate(terms) if term.name in DRIFTS]
+        own = [place for place, term in enumerate(terms) if term.name in EFFECTS]
         if not own or not np.isfinite(fit.covariance).all():
             return None
         at, variance = masses + 1 + np.array(own), prior_std[own] ** 2
@@ -68,11 +76,11 @@ class LikelyDrifts:
         precision = np.linalg.inv(covariance)
         squares, vectors = np.linalg.eigh(precision - np.diag(1.0 / variance))
         information = (vectors * np.maximum(squares, 0.0)) @ vectors.T
-        drift = [DRIFTS[terms[place].name] for place in own]
-        names = sorted(set(drift))
+        effect = [EFFECTS[terms[place].name] for place in own]
+        names = sorted(set(effect))
         choices = [
             _choice(
-                np.array([kept[names.index(name)] for name in drift]),
+                np.array([kept[names.index(name)] for name in effect]),
                 sum(kept) * _LOG_ODDS,
                 information,
                 precision @ found,
@@ -88,7 +96,7 @@ class LikelyDrifts:
         _, kept, mean, spread = choices[best]
         others = [choice for number, choice in enumerate(choices) if number != best]
         return cls(
-            tuple(terms[place].name for place, has in zip(own, kept, strict=True) if not has),
+            tuple(sorted({name for name, has in zip(effect, kept, strict=True) if not has})),
             np.delete(probability, best),
             np.stack([response @ (other[2] - mean) for other in others]),
             response,
@@ -96,8 +104,8 @@ class LikelyDrifts:
         )
 
     def narrowed(self, priors: PriorSettings) -> PriorSettings:
-        """The priors of a fit without the drifts that are left out."""
-        keys = {DRIFTS[name] for name in self.left_out}
+        """The priors of a fit without the effects that are left out."""
+        keys = [key for name in self.left_out for key in _WIDTHS[name]]
         return priors.model_copy(update={key: NARROW * getattr(priors, key) for key in keys})
 
     def doubt_kg(self, weights: Floats) -> float:
@@ -106,15 +114,15 @@ class LikelyDrifts:
         Args:
             weights: (masses,) of each mass in the sum.
         """
-        moved, by_drift = self.moved_kg @ weights, weights @ self.response_kg
-        wider = np.einsum("i,cij,j->c", by_drift, self.widened, by_drift)
+        moved, by_term = self.moved_kg @ weights, weights @ self.response_kg
+        wider = np.einsum("i,cij,j->c", by_term, self.widened, by_term)
         return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
 
 
 def _choice(
     kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
-    """Logarithm of the evidence of a choice of drifts, the choice, their mean and covariance.
+    """Logarithm of the evidence of a choice of effects, the choice, their mean and covariance.
 
     Args:
         kept: (terms,) those that it has.

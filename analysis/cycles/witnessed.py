@@ -1,0 +1,98 @@
+"""Cycles that boom or digging show where masses do not tell them: counted in number, not in kg."""
+
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.cycles.dumps import BoomDumps, Span, boom_dumps
+from analysis.cycles.parts import CycleParts, longest_stand
+from analysis.cycles.passes import Passes
+
+#: Masses and boom agree when so many of the boom's dumps are where a load is dumped by its mass,
+#: give or take so many ns.
+_OFF_NS: Final = 3 * 10**9
+_AGREE: Final = 0.7
+#: Fewer fillings of the bucket make no work of cycles.
+_FEWEST: Final = 3
+
+
+def with_witnessed(
+    parts: list[CycleParts],
+    found: Passes,
+    digs: pl.DataFrame,
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+) -> tuple[list[CycleParts], bool]:
+    """Add what the boom shows beside the masses; where it contradicts them, they say nothing.
+
+    Args:
+        parts: by masses, with their dumps.
+        found: the passes.
+        digs: `digging`.
+        aligned: `boom_rad`, where there is one.
+        excitation: the phases.
+
+    Returns:
+        The cycles, and whether boom and masses contradict each other.
+    """
+    seen = boom_dumps(aligned, excitation)
+    times = np.array([part.dumped_ns for part in parts if part.dumped_ns is not None], np.int64)
+    agree = [each.near(times, _OFF_NS) for each in seen.dumps]
+    told = any(part.loaded is not None for part in parts)
+    contradicts = told and seen.tells and float(np.mean(agree)) < _AGREE
+    if contradicts or not told:
+        return _by_witness(seen, digs, excitation, found.one_filling_ns) or parts, contradicts
+    missed = [
+        CycleParts(dump_ns=(each.start_ns, each.end_ns), dumped_ns=each.dumped_ns)
+        for each in found.dumps.dumps
+        if not each.near(times)
+    ]
+    return sorted([*parts, *missed], key=_begins_ns), False
+
+
+def _begins_ns(part: CycleParts) -> int:
+    """When a cycle is seen first."""
+    return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
+
+
+def _by_witness(
+    seen: BoomDumps, digs: pl.DataFrame, excitation: pl.DataFrame, one_filling_ns: int
+) -> list[CycleParts]:
+    """Cycles by the boom's dumps; where it shows none, by digging, dumped in the longest stand.
+
+    Args:
+        seen: what the boom shows by itself.
+        digs: `digging`.
+        excitation: the phases.
+        one_filling_ns: starts that dig and are no further apart fill the bucket once.
+    """
+    dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
+    if seen.tells:
+        before = [0, *(each.end_ns for each in seen.dumps)]
+        return [
+            CycleParts(
+                _filling(dug, since_ns, each.start_ns),
+                dump_ns=(each.start_ns, each.end_ns),
+                dumped_ns=each.dumped_ns,
+            )
+            for since_ns, each in zip(before, seen.dumps, strict=False)
+        ]
+    fillings: list[Span] = []
+    for start, end in dug:
+        again = fillings and start - fillings[-1][1] < one_filling_ns
+        fillings[-1:] = [(fillings[-1][0], end)] if again else [*fillings[-1:], (start, end)]
+    if len(fillings) < _FEWEST:
+        return []
+    cycles: list[CycleParts] = []
+    ends_ns = [*(start for start, _ in fillings[1:]), int(excitation["t_ns"][-1])]
+    for filling, end_ns in zip(fillings, ends_ns, strict=True):
+        dump = longest_stand(excitation, filling[1], end_ns)
+        cycles.append(CycleParts(filling, dump_ns=dump, dumped_ns=dump and sum(dump) // 2))
+    return cycles
+
+
+def _filling(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:
+    """From the first to the last digging in a stretch of time."""
+    inside = [span for span in dug if since_ns <= span[0] < until_ns]
+    return (inside[0][0], inside[-1][1]) if inside else None

@@ -1,0 +1,54 @@
+"""Cycles that boom or digging show where masses tell none, or others."""
+
+import polars as pl
+import pytest
+
+from tests.analysis.cycles.drawn import NS, PERIOD_S, drawn_shift
+from tests.analysis.cycles.test_cycles import found
+
+LOADS = [700.0, 650.0, 720.0, 690.0, 705.0, 660.0]
+#: The boom is out from 81 to 86 s of each cycle.
+OUT_S = (81.0, 86.0)
+
+
+def of_one_mass(**options: bool) -> dict[str, pl.DataFrame]:
+    """A shift whose masses are all alike: no start tells a load."""
+    return drawn_shift([0.0] * len(LOADS), **options)
+
+
+@pytest.mark.parametrize("digs", [True, False])
+def test_the_boom_alone_shows_every_cycle_without_a_mass(digs: bool) -> None:
+    table = found(of_one_mass(boom=True, digs=digs))
+    assert table.height == len(LOADS)
+    assert table["payload_kg"].null_count() == len(LOADS)
+    assert not table["counted"].any()
+    for number, dump_ns in enumerate(table["dump_t_ns"]):
+        begin_s, end_s = (number * PERIOD_S + out_s for out_s in OUT_S)
+        assert begin_s * NS <= dump_ns <= end_s * NS
+    assert table["dig_t_ns"].null_count() == (0 if digs else len(LOADS))
+
+
+def test_digging_alone_shows_every_cycle_and_the_longest_stand_its_dump() -> None:
+    table = found(of_one_mass())
+    assert table.height == len(LOADS)
+    for number, dump_ns in enumerate(table["dump_t_ns"]):
+        assert 77.0 <= dump_ns / NS - number * PERIOD_S <= 90.0
+
+
+def test_nothing_shows_no_cycle() -> None:
+    assert found(of_one_mass(digs=False)).height == 0
+
+
+def test_a_boom_that_dumps_elsewhere_than_the_masses_withholds_them() -> None:
+    frames = drawn_shift(LOADS, boom=True)
+    masses = frames["manoeuvres"]
+    # as if every load were dumped before it is hauled
+    moved = masses.with_columns(
+        mass_kg=pl.col("mass_kg").shift(-2, fill_value=3600.0),
+        load_id=pl.col("load_id").shift(-2, fill_value=int(masses["load_id"][-1])),
+    ).with_columns(pl.col("load_id") - pl.col("load_id").min())
+    loads = frames["loads"].head(moved["load_id"].n_unique())
+    table = found(frames | {"manoeuvres": moved, "loads": loads})
+    assert table.height == len(LOADS)
+    assert not table["counted"].any()
+    assert "boom" in table["withheld_for"][0]
