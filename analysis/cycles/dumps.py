@@ -97,7 +97,7 @@ def boom_dumps(
             and where the boom is farthest out it dumps.
     """
     t_ns, boom = excitation["t_ns"].to_numpy(), values(aligned, "boom_rad")
-    slow = _slow(excitation)
+    slow = creeps(excitation)
     whole = np.isfinite(boom)
     driving = whole & ~slow
     if not driving.any() or not (slow & whole).any():
@@ -119,7 +119,7 @@ def boom_dumps(
     return BoomDumps(tells=True, dumps=tuple(dumps))
 
 
-def _slow(excitation: pl.DataFrame) -> Bools:
+def creeps(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps."""
     stands = _stands(excitation)
     speed = np.abs(values(excitation, "speed_x_m_s"))

@@ -7,7 +7,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.dumps import BOOM_MOVES_RAD, ONE_DUMP_NS
+from analysis.cycles.dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, creeps
 from analysis.cycles.passes import Passes
 from analysis.schema import values
 
@@ -111,7 +111,7 @@ def dump_times(
     """Find when each load is dumped: when the boom shows a dump.
 
     Else in the stand after it in which the boom moves most, or the longest one; nothing where the
-    machine is neither empty nor digs afterwards, or no start tells of the load.
+    machine is neither empty nor digs afterwards.
 
     Args:
         cycles: get their `dump_ns`.
@@ -129,6 +129,10 @@ def dump_times(
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
         dumped = found.dumps.beside(ready, empty)
+        if not dumped and cycle.loaded is None and over:
+            # by no witness: where a machine that has dug stands or creeps longest it dumps
+            cycle.dump_ns = _longest_stop(excitation, ready, empty)
+            cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded is None or not over):
             continue
         first, last = np.searchsorted(t_ns, [ready, empty])
@@ -175,12 +179,11 @@ def _hole(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def longest_stand(excitation: pl.DataFrame, start_ns: int, end_ns: int) -> tuple[int, int] | None:
-    """The longest stand in a stretch of time that is no idling; None where there is none."""
+def _longest_stop(excitation: pl.DataFrame, start_ns: int, end_ns: int) -> tuple[int, int] | None:
+    """The longest time that a machine stands or creeps, no idling; None where it does not."""
     t_ns = excitation["t_ns"].to_numpy()
-    inside = (t_ns > start_ns) & (t_ns < end_ns)
-    stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy() & inside
-    edges = np.diff(np.concatenate([[0], stands.astype(np.int8), [0]]))
+    stops = creeps(excitation) & (t_ns > start_ns) & (t_ns < end_ns)
+    edges = np.diff(np.concatenate([[0], stops.astype(np.int8), [0]]))
     begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
     length = t_ns[ends] - t_ns[begins]
     length[length > _IDLE_S * _NS] = 0

@@ -100,6 +100,6 @@ def _of_rows(cycles: pl.DataFrame, boom: BoomDumps) -> list[float]:
     only_dumped = _CONTRADICTED if dug >= _MOSTLY * max(counted.height, 1) else _ALONE
     digs, dumps, hauls = (blank[name].is_not_null() for name in ("dig_t_ns", "dump_t_ns", "haul_s"))
     return [
-        1.0 if haul or (dig and dump) else only_dug if dig else only_dumped
+        1.0 if haul or (dig and dump and boom.tells) else only_dug if dig else only_dumped
         for dig, dump, haul in zip(digs, dumps, hauls, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Cycles that boom or digging show where masses do not tell them: counted in number, not in kg."""
+"""Cycles that the boom shows where masses do not tell them: counted in number, not in kg."""
 
 from typing import Final
 
@@ -6,15 +6,13 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.dumps import BoomDumps, Span, boom_dumps
-from analysis.cycles.parts import CycleParts, longest_stand
+from analysis.cycles.parts import CycleParts
 from analysis.cycles.passes import Passes
 
 #: Masses and boom agree when so many of the boom's dumps are where a load is dumped by its mass,
 #: give or take so many ns.
 _OFF_NS: Final = 3 * 10**9
 _AGREE: Final = 0.7
-#: Fewer fillings of the bucket make no work of cycles.
-_FEWEST: Final = 3
 
 
 def with_witnessed(
@@ -42,7 +40,7 @@ def with_witnessed(
     told = any(part.loaded is not None for part in parts)
     contradicts = told and seen.tells and float(np.mean(agree)) < _AGREE
     if contradicts or not told:
-        return _by_witness(seen, digs, excitation, found.one_filling_ns) or parts, contradicts
+        return _by_boom(seen, digs) or parts, contradicts
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), dumped_ns=each.dumped_ns)
         for each in found.dumps.dumps
@@ -56,40 +54,18 @@ def _begins_ns(part: CycleParts) -> int:
     return next(span[0] for span in (part.dig_ns, part.haul_ns, part.dump_ns) if span)
 
 
-def _by_witness(
-    seen: BoomDumps, digs: pl.DataFrame, excitation: pl.DataFrame, one_filling_ns: int
-) -> list[CycleParts]:
-    """Cycles by the boom's dumps; where it shows none, by digging, dumped in the longest stand.
-
-    Args:
-        seen: what the boom shows by itself.
-        digs: `digging`.
-        excitation: the phases.
-        one_filling_ns: starts that dig and are no further apart fill the bucket once.
-    """
+def _by_boom(seen: BoomDumps, digs: pl.DataFrame) -> list[CycleParts]:
+    """A cycle for each dump of the boom, with what was dug before it."""
     dug = sorted(digs.select("start_t_ns", "end_t_ns").iter_rows())
-    if seen.tells:
-        before = [0, *(each.end_ns for each in seen.dumps)]
-        return [
-            CycleParts(
-                _filling(dug, since_ns, each.start_ns),
-                dump_ns=(each.start_ns, each.end_ns),
-                dumped_ns=each.dumped_ns,
-            )
-            for since_ns, each in zip(before, seen.dumps, strict=False)
-        ]
-    fillings: list[Span] = []
-    for start, end in dug:
-        again = fillings and start - fillings[-1][1] < one_filling_ns
-        fillings[-1:] = [(fillings[-1][0], end)] if again else [*fillings[-1:], (start, end)]
-    if len(fillings) < _FEWEST:
-        return []
-    cycles: list[CycleParts] = []
-    ends_ns = [*(start for start, _ in fillings[1:]), int(excitation["t_ns"][-1])]
-    for filling, end_ns in zip(fillings, ends_ns, strict=True):
-        dump = longest_stand(excitation, filling[1], end_ns)
-        cycles.append(CycleParts(filling, dump_ns=dump, dumped_ns=dump and sum(dump) // 2))
-    return cycles
+    before = [0, *(each.end_ns for each in seen.dumps)]
+    return [
+        CycleParts(
+            _filling(dug, since_ns, each.start_ns),
+            dump_ns=(each.start_ns, each.end_ns),
+            dumped_ns=each.dumped_ns,
+        )
+        for since_ns, each in zip(before, seen.dumps, strict=False)
+    ]
 
 
 def _filling(dug: list[Span], since_ns: int, until_ns: int) -> Span | None:

@@ -27,6 +27,9 @@ _DOUBTED: Final = 0.05
 #: Several are not when all ways of them together are: some of many always fit chance.
 _DOUBTED_SEVERAL: Final = 0.2
 _ROUNDS: Final = 60
+#: A load that turns so often from heavier to lighter or back comes back, if not to the kilogram:
+#: a bucket is never quite empty.
+_ALTERNATES: Final = 2
 #: A boom or a bucket that moves by so much between two manoeuvres may have loaded or dumped.
 _ARM_MOVES_RAD: Final = 0.15
 #: Samples of a manoeuvre that tells a mass.
@@ -248,8 +251,14 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
         ratio,
         found.single_probability,
         _other_reading(units, best, other, probability),
-        np.unique(best.level).size < best.states,
+        np.unique(best.level).size < best.states or _turns(best) >= _ALTERNATES,
     )
+
+
+def _turns(found: Partition) -> int:
+    """How often a load that was put on is taken off, or the other way round."""
+    rises = np.sign(np.diff(found.levels))
+    return int(np.count_nonzero(np.diff(rises[rises != 0.0])))
 
 
 def _other_reading(
