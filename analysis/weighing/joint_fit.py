@@ -208,11 +208,14 @@ def with_responses(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings
 
 
 def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> JointFit:
-    """Look for load states, and fit with a mass each, until nothing changes."""
+    """Look for load states, and fit with a mass each, until nothing changes.
+
+    A search that does not settle has the states about which manoeuvres scatter least, for as many.
+    """
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.theta).all():
         return replace(found, states=untold_states(number))
-    seen: set[bytes] = set()
+    tried: list[JointFit] = []
     for _ in range(_STATE_ROUNDS):
         task = FitTask(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
@@ -227,10 +230,15 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
             return again(replace(found, states=states), of.noise, of.priors, rounds=2)
         of = _with_uneven_ground(found, of)
         found = joint_fit(of, states)
-        if states.of.tobytes() in seen:
+        if any(np.array_equal(states.of, each.of) for each in map(_states, tried)):
             break
-        seen.add(states.of.tobytes())
-    return found
+        tried.append(found)
+    return min(tried, key=lambda each: _states(each).misfit)
+
+
+def _states(found: JointFit) -> States:
+    assert found.states is not None
+    return found.states
 
 
 def _with_uneven_ground(found: JointFit, of: Fitted) -> Fitted:

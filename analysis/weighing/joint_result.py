@@ -152,10 +152,15 @@ class JointFit:
 
     @property
     def from_priors(self) -> dict[str, float]:
-        """By term, how far it is from the mean of its prior, in widths; the lag is found anew."""
+        """By term, how far it is from the mean of its prior, in widths.
+
+        The lag is found anew, and one place of the ground may be anything.
+        """
         apart = np.abs(self.posterior[0] - self.prior_means.mean) / self.prior_std
-        by_name = zip((term.name for term in self.terms), apart.tolist(), strict=True)
-        return {name: widths for name, widths in by_name if name != "lag"}
+        by_term = zip(self.terms, apart.tolist(), strict=True)
+        return {
+            term.name: widths for term, widths in by_term if term.name != "lag" and not term.source
+        }
 
     @property
     def main(self) -> int:

@@ -33,6 +33,9 @@ from estimators.fit_loss import group_rows
 from estimators.group_sums import NoiseMoments
 from estimators.prior_fit import Grouping
 
+#: What the wheels say of an accelerometer without its gravity counts where it leaves less than this
+#: share of the mismatch.
+_BETTER: Final = 0.8
 #: What a calibration learns of them, in this order.
 TERMS: Final = ("wheel_slip", "gain", "speed_delay")
 #: Of so many samples the noise is what adds up.
@@ -133,9 +136,9 @@ def kinematics(
 ) -> Kinematics | None:
     """Compare them; None where there is no accelerometer, or no stretch is long enough.
 
-    Hills put a gravity on the accelerometer that changes within a manoeuvre. Where that is what
-    the comparison stumbles over, it is taken off by the pitch; not before, since a body that
-    squats pitches as well, and its gravity must be seen as gain.
+    Hills put a gravity on the accelerometer that changes within a manoeuvre. Where the comparison
+    goes better without it, it is taken off by the pitch; not elsewhere, since a body that squats
+    pitches as well, and its gravity, which follows the acceleration, must be seen as gain.
 
     Args:
         motion: the samples.
@@ -150,12 +153,12 @@ def kinematics(
     if found is None or motion.without_gravity is None:
         return found
     squat = pitch_squat(motion.specific_force - motion.without_gravity, motion)
-    if squat is None and found.goes_together:
-        return found
     level = _compared(motion.without_gravity, motion, noise, priors, told)
-    if level is None or not level.goes_together:
+    if level is None:
         return found
-    return level if squat is None else replace(level, squat=squat)
+    if squat is not None and level.goes_together:
+        return replace(level, squat=squat)
+    return level if level.mismatch < _BETTER * found.mismatch else found
 
 
 def _compared(

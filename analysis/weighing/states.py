@@ -97,6 +97,12 @@ class States:
         return means_by_state(self.level_kg, weight, self.of)
 
     @property
+    def misfit(self) -> float:
+        """How far manoeuvres are from their states, and how many these are (Schwarz 1978)."""
+        variance = self.scatter_kg**2 + float(np.median(self.std_kg**2))
+        return self.of.size * float(np.log(variance)) + self.count * float(np.log(self.of.size))
+
+    @property
     def scatters(self) -> bool:
         """Whether manoeuvres disagree by more than chance lets them."""
         if not 0 < self.freedom < np.inf:
