@@ -103,7 +103,8 @@ def passes(
     dumps = NO_DUMPS
     if aligned is not None and excitation is not None:
         emptied = np.flatnonzero(of_state[:-1] & ~of_state[1:])
-        known = [(int(end[k]), int(begin[k + 1])) for k in emptied]
+        # one who creeps to the dump may have emptied the bucket before the start ends
+        known = [(int(begin[k]), int(begin[k + 1])) for k in emptied]
         dumps = boom_dumps(aligned, excitation, known)
         of_state = _changed_at_dumps(of_state, begin, end, digs, dumps)
     one_filling_ns = _one_filling_ns(of_state, begin, end, digs)
@@ -114,8 +115,15 @@ def passes(
     of = np.cumsum(np.append(0, parts)).astype(np.int64)
     first = np.flatnonzero(np.append(True, np.diff(of) > 0))
     last = np.append(first[1:] - 1, of.size - 1)
-    weight = np.where(_before_spilling(of_state, of, state, mass_kg, u_kg), 0.0, weight)
+    dumping = _while_dumping(begin, end, dumps)
+    spilled = _before_spilling(of_state & ~dumping, of, state, mass_kg, u_kg)
+    left = np.where(dumping | spilled, 0.0, weight)
+    # a pass that has no other keeps what it has
+    weight = np.where(np.bincount(of, left)[of] > 0.0, left, weight)
     total = np.bincount(of, weight)
+    # a pass ends before its machine dumps
+    counts = np.flatnonzero(weight > 0.0)
+    last[of[counts]] = counts
     return Passes(
         of,
         weight / total[of],
@@ -206,11 +214,17 @@ def _emptied_again(loaded: Bools, begin: Ints, end: Ints, dumps: BoomDumps) -> l
     ]
 
 
+def _while_dumping(begin: Ints, end: Ints, dumps: BoomDumps) -> Bools:
+    """(manoeuvres,) which creep while they dump: a load that changes has no mass."""
+    dumped = np.array([each.dumped_ns for each in dumps.dumps], np.int64)
+    return np.searchsorted(dumped, begin) < np.searchsorted(dumped, end, "right")
+
+
 def _before_spilling(loaded: Bools, of: Ints, state: Ints, mass_kg: Floats, u_kg: Floats) -> Bools:
     """(manoeuvres,) which carry a load that is spilled before it is dumped.
 
     Args:
-        loaded: (manoeuvres,).
+        loaded: (manoeuvres,), and not dumping.
         of: (manoeuvres,) the pass of each.
         state: (manoeuvres,) the load state of each.
         mass_kg: (states,).
@@ -218,7 +232,7 @@ def _before_spilling(loaded: Bools, of: Ints, state: Ints, mass_kg: Floats, u_kg
     """
     spilled = np.zeros(of.size, np.bool_)
     for number in np.unique(of[loaded]):
-        inside = of == number
+        inside = loaded & (of == number)
         last = int(state[inside][-1])
         for each in np.unique(state[inside]):
             apart = float(np.hypot(u_kg[each], u_kg[last]))

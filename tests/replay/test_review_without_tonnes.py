@@ -40,6 +40,11 @@ CASES = {
         (),
         "No tonnes: 1 cycle: the recording ends before it is dumped",
     ),
+    "an empty machine of another mass": (
+        [sledge_shift()],
+        ("--set", "machine.empty_mass_kg=150.0"),
+        "No tonnes: 5 cycles: empty_mass: the empty machine weighs 100 ± ",
+    ),
     "no start": ([resting()], (), CANNOT),
     "starts withheld": ([sledge()], WITHHELD, f"{CANNOT}r_squared"),
     "loads withheld": (
