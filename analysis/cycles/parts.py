@@ -129,7 +129,7 @@ def dump_times(
             over.append(later.dig_ns[0])
         empty = min(over, default=int(t_ns[-1]))
         dumped = found.dumps.beside(ready, empty)
-        if not dumped and cycle.loaded is None and over:
+        if not dumped and cycle.loaded is None and over and not found.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
             cycle.dump_ns = _longest_stop(excitation, ready, empty)
             cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from analysis.cycles.dumps import BoomDumps, Span, boom_dumps
+from analysis.cycles.dumps import ONE_DUMP_NS, BoomDumps, Span, boom_dumps
 from analysis.cycles.parts import CycleParts
 from analysis.cycles.passes import Passes
 
@@ -13,6 +13,8 @@ from analysis.cycles.passes import Passes
 #: give or take so many ns.
 _OFF_NS: Final = 3 * 10**9
 _AGREE: Final = 0.7
+#: Dumps are at least this share of a usual cycle apart.
+_OF_A_CYCLE: Final = 0.5
 
 
 def with_witnessed(
@@ -41,10 +43,12 @@ def with_witnessed(
     contradicts = told and seen.tells and float(np.mean(agree)) < _AGREE
     if contradicts or not told:
         return _by_boom(seen, digs) or parts, contradicts
+    # sooner after a dump than half a cycle the machine is empty
+    apart_ns = int(_OF_A_CYCLE * float(np.median(np.diff(times)))) if times.size > 1 else 0
     missed = [
         CycleParts(dump_ns=(each.start_ns, each.end_ns), dumped_ns=each.dumped_ns)
         for each in found.dumps.dumps
-        if not each.near(times)
+        if not each.near(times, max(ONE_DUMP_NS, apart_ns))
     ]
     return sorted([*parts, *missed], key=_begins_ns), False
 
