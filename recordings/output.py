@@ -1,7 +1,7 @@
 """Outputs that appear whole or not at all."""
 
+import secrets
 import shutil
-import tempfile
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,15 +25,14 @@ def staged(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
     Raises:
         OutputError: a target is there already, or their folder cannot be written to.
     """
-    stage = _stage(targets, force=force)
-    try:
-        yield stage
-        for target in targets:
-            _move(stage / target.name, target)
-    except OSError as error:
-        raise OutputError(f"{targets[0]}: cannot be written ({error.strerror or error})") from None
-    finally:
-        shutil.rmtree(stage, ignore_errors=True)
+    with _staging(targets, force=force) as stage:
+        try:
+            yield stage
+            for target in targets:
+                _move(stage / target.name, target)
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"{targets[0]}: cannot be written ({reason})") from None
 
 
 @contextmanager
@@ -50,7 +49,8 @@ def check_folder(target: Path, *, force: bool) -> None:
     Raises:
         OutputError: it is there already, or its parent cannot be written to.
     """
-    _stage([target], force=force).rmdir()
+    with _staging([target], force=force):
+        pass
 
 
 def check_output(target: Path, *, force: bool) -> None:
@@ -60,7 +60,8 @@ def check_output(target: Path, *, force: bool) -> None:
         OutputError: the target is there already, or its folder cannot be written to.
     """
     _refuse_folder(target)
-    _stage([target], force=force).rmdir()
+    with _staging([target], force=force):
+        pass
 
 
 def keep_apart(target: Path, inputs: Iterable[Path]) -> None:
@@ -78,19 +79,27 @@ def _refuse_folder(target: Path) -> None:
         raise OutputError(f"{target}: is a folder; name a file in it")
 
 
-def _stage(targets: Sequence[Path], *, force: bool) -> Path:
+@contextmanager
+def _staging(targets: Sequence[Path], *, force: bool) -> Generator[Path]:
+    """A hidden folder beside the targets, which goes whatever happens."""
     folder = targets[0].parent
     if not folder.is_dir():
         raise OutputError(f"{targets[0]}: no folder '{folder}'; create it first")
+    # it has its name before it is there: a signal that comes with it finds what to remove
+    stage = folder / f".payscope-{secrets.token_hex(4)}"
     try:
-        for target in targets:
-            _refuse_to_overwrite(target, force=force)
-        return Path(tempfile.mkdtemp(prefix=".payscope-", dir=folder))
-    except OSError as error:
-        raise OutputError(
-            f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
-            "name a folder that you may write in"
-        ) from None
+        try:
+            for target in targets:
+                _refuse_to_overwrite(target, force=force)
+            stage.mkdir(mode=0o700)
+        except OSError as error:
+            raise OutputError(
+                f"{targets[0]}: cannot write in '{folder}' ({error.strerror}); "
+                "name a folder that you may write in"
+            ) from None
+        yield stage
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
 
 
 def _refuse_to_overwrite(target: Path, *, force: bool) -> None:
