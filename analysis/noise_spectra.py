@@ -5,6 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.windows import runs_of
+
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
@@ -49,9 +51,8 @@ _CORRELATED: Final = 24
 
 def stretches(of: Bools) -> list[tuple[int, int]]:
     """First row and the row after the last of every run of True."""
-    edges = np.diff(np.concatenate([[0], of.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(edges > 0).tolist(), np.flatnonzero(edges < 0).tolist()
-    return list(zip(begins, ends, strict=True))
+    first, last = runs_of(of)
+    return list(zip(first.tolist(), (last + 1).tolist(), strict=True))
 
 
 def settled(x: Floats, begin: int, end: int) -> tuple[int, int]:

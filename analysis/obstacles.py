@@ -1,11 +1,11 @@
 """Why a log has no answer, in a sentence each."""
 
-import numpy as np
 import polars as pl
 
 from analysis.phases import TURNS
 from analysis.regressor import YAW_COLUMNS
 from analysis.settings import Settings
+from analysis.windows import runs_of
 
 
 def obstacles(excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings) -> list[str]:
@@ -68,6 +68,6 @@ def why_nothing_was_accepted(
 
 
 def _longest_run(good: pl.Series) -> int:
-    edges = np.diff(np.concatenate([[0], good.to_numpy().astype(np.int8), [0]]))
-    lengths = np.flatnonzero(edges < 0) - np.flatnonzero(edges > 0)
+    first, last = runs_of(good.to_numpy())
+    lengths = last + 1 - first
     return int(lengths.max()) if lengths.size else 0

@@ -1,9 +1,10 @@
-"""Which windows hold a flagged row, and which rows lie inside a flagged window."""
+"""Windows and runs of flagged rows: which windows hold one, which rows lie inside a window."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 
 def windows_with(flag: Bools, window: int) -> Bools:
@@ -17,3 +18,9 @@ def samples_of(accepted: Bools, window: int) -> Bools:
     """Whether each row lies inside at least one accepted window."""
     # the windows that hold row k end at k … k + window - 1
     return windows_with(accepted[::-1], window)[::-1]
+
+
+def runs_of(flag: Bools) -> tuple[Ints, Ints]:
+    """First and last sample of each run of flagged samples."""
+    edges = np.diff(np.concatenate([[0], flag.astype(np.int8), [0]]))
+    return np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1

@@ -60,13 +60,6 @@ class LevelShape:
         """The sum (wide, wide) of (groups, p, p)."""
         return _square(values, self.levels.of, self.levels.count)
 
-    def wide(self, turns: Floats, of: Ints) -> Floats:
-        """(wide, p) of (groups, p, p): what an error that all share does to the scores."""
-        out = np.zeros((self.levels.count + self.p - 1, self.p))
-        np.add.at(out, of, turns[:, 0])
-        out[self.levels.count :] = turns[:, 1:].sum(axis=0)
-        return out
-
     @property
     def of_units(self) -> Ints:
         """(units,) level of each."""

@@ -12,10 +12,10 @@ from typing import Final, get_args
 import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict, Field
+from scipy.special import chdtrc
 
 from analysis.machine import Machine
 from analysis.settings import LearnableTerm, LearntTerm
-from estimators.between_variance import between_variance
 
 #: With fewer logs nothing tells what differs between them.
 LOGS_MIN: Final = 3
@@ -100,8 +100,7 @@ def _pooled(said: Sequence[TermOfLog]) -> LearntTerm:
     prior = float(max(each.prior_std for each in said))
     told = [own for each in said if (own := _of_data(each)) is not None]
     value, variance = np.array([v for v, _ in told]), np.array([s**2 for _, s in told])
-    enough = len(told) >= LOGS_MIN
-    between = between_variance(value, 1.0 / variance, _LEVEL) if enough else 0.0
+    between = _between(value, variance) if len(told) >= LOGS_MIN else 0.0
     weight = 1.0 / (variance + between)
     # the prior counts once, not once a log
     total = float(weight.sum()) + prior**-2
@@ -127,6 +126,17 @@ def without_prior(
         return None
     information = std**-2 - width**-2
     return (value * std**-2 - mean * width**-2) / information, float(information**-0.5)
+
+
+def _between(value: np.ndarray, variance: np.ndarray) -> float:
+    """Variance between logs, 0 where chance explains what they differ by."""
+    weight = 1.0 / variance
+    mean = float(weight @ value / weight.sum())
+    squares, freedom = float(weight @ (value - mean) ** 2), value.size - 1
+    if float(chdtrc(freedom, squares)) > _LEVEL:
+        return 0.0
+    spare = float(weight.sum() - (weight @ weight) / weight.sum())
+    return max(squares - freedom, 0.0) / spare
 
 
 def with_learnt(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> Machine:

@@ -112,7 +112,7 @@ def boom_dumps(
     if abs(typical_rad) < BOOM_MOVES_RAD or (known is not None and len(known) < _FEWEST):
         return NO_DUMPS
     out = whole & (away / typical_rad > _OUT)
-    spans = _joined(t_ns, out & slow, t_ns[whole & ~out], t_ns[out & _stands(excitation)])
+    spans = _joined(t_ns, out & slow, t_ns[whole & ~out], t_ns[out & standing(excitation)])
     if np.mean(reached / typical_rad > _OUT) < _MOSTLY or len(spans) < _FEWEST:
         return NO_DUMPS
     dumps = [BoomDump(*span, _emptied_ns(away / typical_rad, t_ns, span)) for span in spans]
@@ -121,7 +121,7 @@ def boom_dumps(
 
 def creeps(excitation: pl.DataFrame) -> Bools:
     """Samples at which the machine stands or creeps."""
-    stands = _stands(excitation)
+    stands = standing(excitation)
     speed = np.abs(values(excitation, "speed_x_m_s"))
     moving = speed[np.isfinite(speed) & ~stands]
     if not moving.size:
@@ -129,7 +129,7 @@ def creeps(excitation: pl.DataFrame) -> Bools:
     return stands | (speed < _CREEPS * float(np.quantile(moving, _REACHES)))
 
 
-def _stands(excitation: pl.DataFrame) -> Bools:
+def standing(excitation: pl.DataFrame) -> Bools:
     """Samples at which it stands."""
     return (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
 

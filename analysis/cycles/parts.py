@@ -7,16 +7,17 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from analysis.cycles.dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, creeps
+from analysis.cycles.dumps import BOOM_MOVES_RAD, ONE_DUMP_NS, creeps, standing
 from analysis.cycles.passes import Passes
 from analysis.schema import values
+from analysis.windows import runs_of
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 _NS: Final = 1e9
 #: A stand of so long is no part of the work.
-_IDLE_S: Final = 30.0
+IDLE_S: Final = 30.0
 #: So long without a sample it may have dumped there as well.
 _HOLE_S: Final = 5.0
 
@@ -120,7 +121,7 @@ def dump_times(
         excitation: the phases.
     """
     t_ns = excitation["t_ns"].to_numpy()
-    stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
+    stands, stops = standing(excitation), creeps(excitation)
     boom = values(aligned, "boom_rad")
     for cycle, later in zip(cycles, [*cycles, None][1:], strict=True):
         ready = _filled_ns(cycle, found)
@@ -131,7 +132,8 @@ def dump_times(
         dumped = found.dumps.beside(ready, empty)
         if not dumped and cycle.loaded is None and over and not found.dumps.tells:
             # by no witness: where a machine that has dug stands or creeps longest it dumps
-            cycle.dump_ns = _longest_stop(excitation, ready, empty)
+            inside = (t_ns > ready) & (t_ns < empty)
+            cycle.dump_ns = _longest_stop(stops[inside], t_ns[inside])
             cycle.dumped_ns = cycle.dump_ns and sum(cycle.dump_ns) // 2
         if not dumped and (cycle.loaded is None or not over):
             continue
@@ -179,14 +181,11 @@ def _hole(t_ns: Ints) -> tuple[int, int] | None:
     return int(t_ns[widest]), int(t_ns[widest + 1])
 
 
-def _longest_stop(excitation: pl.DataFrame, start_ns: int, end_ns: int) -> tuple[int, int] | None:
+def _longest_stop(stops: Bools, t_ns: Ints) -> tuple[int, int] | None:
     """The longest time that a machine stands or creeps, no idling; None where it does not."""
-    t_ns = excitation["t_ns"].to_numpy()
-    stops = creeps(excitation) & (t_ns > start_ns) & (t_ns < end_ns)
-    edges = np.diff(np.concatenate([[0], stops.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    begins, ends = runs_of(stops)
     length = t_ns[ends] - t_ns[begins]
-    length[length > _IDLE_S * _NS] = 0
+    length[length > IDLE_S * _NS] = 0
     if not length.any():
         return None
     best = int(np.argmax(length))
@@ -195,8 +194,7 @@ def _longest_stop(excitation: pl.DataFrame, start_ns: int, end_ns: int) -> tuple
 
 def _stand(stands: Bools, boom: NDArray[np.float64], t_ns: Ints) -> tuple[int, int, bool] | None:
     """A stand, and whether the boom moves in it."""
-    edges = np.diff(np.concatenate([[0], stands.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    begins, ends = runs_of(stands)
     if not begins.size:
         return None
     moves = np.array([_range(boom[b : e + 1]) for b, e in zip(begins, ends, strict=True)])

@@ -10,13 +10,14 @@ from typing import Any, Final
 import numpy as np
 import polars as pl
 
+from analysis.cycles.dumps import standing
 from analysis.cycles.lost import holes, lost_cycles
+from analysis.cycles.parts import IDLE_S
 from analysis.cycles.uncounted import price_kg, uncounted_cycles
 from analysis.schema import FRAMES, build
+from analysis.windows import runs_of
 
 _NS: Final = 1e9
-#: A stand of so long is no part of the work.
-_IDLE_S: Final = 30.0
 
 
 def shift(cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame) -> pl.DataFrame:
@@ -165,9 +166,8 @@ def _idle_s(excitation: pl.DataFrame) -> float:
     """Time in stands that are long."""
     if excitation.is_empty():
         return 0.0
-    stands = (excitation["phase"] == "standstill").fill_null(value=False).to_numpy()
+    stands = standing(excitation)
     t_ns = excitation["t_ns"].to_numpy()
-    edges = np.diff(np.concatenate([[0], stands.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
+    begins, ends = runs_of(stands)
     lengths = (t_ns[ends] - t_ns[begins]) / _NS
-    return float(lengths[lengths > _IDLE_S].sum())
+    return float(lengths[lengths > IDLE_S].sum())

@@ -59,6 +59,7 @@ class Fitted:
         noise: of acceleration, speed and force.
         priors: of the nuisances.
         wheels: what they say of the accelerometer, the force as it was measured.
+        uneven_1_s: how much the ground's force differs from stretch to stretch (`EarlierRounds`).
     """
 
     motion: Equation
