@@ -197,7 +197,7 @@ class PriorSettings(BaseModel):
         0.05, gt=0, description="prior of Coulomb friction where the log drives both ways, a share"
     )
     direction_weight_share: float = Field(
-        0.01, gt=0, description="and as a share of the machine's weight, likewise"
+        0.02, gt=0, description="and as a share of the machine's weight, likewise"
     )
     ground_share: float = Field(
         0.01,
