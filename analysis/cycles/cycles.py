@@ -16,7 +16,7 @@ from analysis.check import Verdict
 from analysis.cycles.empty_machine import contradicted_empty_mass, states_of_passes
 from analysis.cycles.parts import CycleParts, cycle_parts, dump_times
 from analysis.cycles.passes import NO_PASSES, Passes, passes
-from analysis.cycles.witnessed import with_witnessed
+from analysis.cycles.witnessed import digging_contradicts, with_witnessed
 from analysis.machine import Machine
 from analysis.schema import FRAMES, build
 from analysis.weighing.budget import budget, combined
@@ -31,6 +31,7 @@ _WEAK: Final = 0.25
 _CLEANEST: Final = 0.1
 _UNSEEN: Final = "dumped while nothing was recorded"
 _CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
+_HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
 #: So few empty passes do not tell how what is carried back differs.
 _FEWEST: Final = 4
 
@@ -83,6 +84,8 @@ def cycles(
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
     found = known or passes(frames["loads"], frames["manoeuvres"], digs, *motion) or NO_PASSES
+    twice = known is None and digging_contradicts(found, digs)
+    found = NO_PASSES if twice else found
     parts = cycle_parts(found, digs)
     dump_times(parts, found, *motion)
     contradicts = False
@@ -91,7 +94,7 @@ def cycles(
     if not parts:
         return _frame([])
     withheld = ", ".join(check.check for check in verdict.failed("mass"))
-    withheld = _CONTRADICTED if contradicts else withheld
+    withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
     withheld = withheld or contradicted_empty_mass(weighing, machine, found)

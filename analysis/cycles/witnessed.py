@@ -1,4 +1,4 @@
-"""Cycles that the boom shows where masses do not tell them: counted in number, not in kg."""
+"""Cycles that boom or digging show where masses do not tell them: counted in number, not in kg."""
 
 from typing import Final
 
@@ -15,6 +15,34 @@ _OFF_NS: Final = 3 * 10**9
 _AGREE: Final = 0.7
 #: Dumps are at least this share of a usual cycle apart.
 _OF_A_CYCLE: Final = 0.5
+#: Fewer cycles do not tell.
+_FEWEST_CYCLES: Final = 4
+#: One cycle lasts up to so many times the shortest time from one filling to the next: what is
+#: longer may hold a filling whose digging was not seen.
+_ONE_CYCLE: Final = 1.5
+#: Masses and digging contradict each other when more than one load is hauled in so many of those.
+_SEVERAL_LOADS: Final = 0.5
+
+
+def digging_contradicts(found: Passes, digs: pl.DataFrame) -> bool:
+    """Whether masses change so often that most buckets, filled once, would be hauled twice.
+
+    Loads too small for the ground let masses follow what else alternates, such as the direction.
+
+    Args:
+        found: the passes.
+        digs: `digging`.
+    """
+    if found.dumps.tells or digs.height <= _FEWEST_CYCLES:
+        return False
+    begin_ns, end_ns = (np.sort(digs[name].to_numpy()) for name in ("start_t_ns", "end_t_ns"))
+    fills = begin_ns[np.append(True, begin_ns[1:] - end_ns[:-1] > found.one_filling_ns)]
+    lasts_ns = np.diff(fills)
+    one = lasts_ns <= _ONE_CYCLE * lasts_ns.min(initial=np.iinfo(np.int64).max)
+    if one.sum() < _FEWEST_CYCLES:
+        return False
+    hauled = np.diff(np.searchsorted(found.start_ns[found.loaded], fills))
+    return float(np.mean(hauled[one] > 1)) > _SEVERAL_LOADS
 
 
 def with_witnessed(

@@ -56,6 +56,30 @@ def test_a_boom_that_dumps_elsewhere_than_the_masses_withholds_them() -> None:
     assert "boom" in table["withheld_for"][0]
 
 
+def masses_that_follow_the_direction() -> dict[str, pl.DataFrame]:
+    """Every other start is loaded by its mass, though the bucket is filled in every fourth."""
+    frames = drawn_shift([700.0] * 8)
+    starts = frames["manoeuvres"].with_row_index("load_id_")
+    masses = starts.with_columns(
+        mass_kg=3600.0 + 700.0 * (1 - pl.col("load_id_") % 2), load_id=pl.col("load_id_").cast(int)
+    ).drop("load_id_")
+    loads = pl.concat([frames["loads"].head(1)] * masses.height)
+    return frames | {"manoeuvres": masses, "loads": loads}
+
+
+def test_masses_that_haul_every_bucket_twice_are_withheld_and_digging_shows_the_cycles() -> None:
+    table = found(masses_that_follow_the_direction())
+    assert table.height == 8
+    assert not table["counted"].any()
+    assert "hauled more than once" in table["withheld_for"][0]
+
+
+def test_buckets_whose_digging_is_missed_leave_the_masses_alone() -> None:
+    table = found(drawn_shift([700.0] * 12, unseen_digs=(1, 3, 4, 7, 9, 10)))
+    assert table.height == 12
+    assert table["counted"].all()
+
+
 def test_a_start_that_creeps_while_it_dumps_has_no_part_in_the_load() -> None:
     frames = drawn_shift(LOADS, boom=True)
     masses = frames["manoeuvres"]
