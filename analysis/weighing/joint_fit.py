@@ -6,11 +6,17 @@ from typing import Final, Self
 import numpy as np
 
 from analysis.settings import PriorSettings
-from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages, stride_of
+from analysis.weighing.averages import (
+    EarlierRounds,
+    RelativeLoads,
+    averages,
+    stride_of,
+    travelled_m,
+)
 from analysis.weighing.effects import LikelyEffects
 from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.ground import FEWEST, GROUND
+from analysis.weighing.ground import FEWEST, GROUND, NEAR_M
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import (
@@ -229,7 +235,7 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
         if before is not None and np.array_equal(states.of, before.of):
             # the same loads, whose scatter is known better now
             return again(replace(found, states=states), of.noise, of.priors, rounds=2)
-        of = _with_uneven_ground(found, of)
+        of = _on_uneven_ground(found, of)
         found = joint_fit(of, states)
         if any(np.array_equal(states.of, each.of) for each in map(_states, tried)):
             break
@@ -242,8 +248,12 @@ def _states(found: JointFit) -> States:
     return found.states
 
 
-def _with_uneven_ground(found: JointFit, of: Fitted) -> Fitted:
-    """Likewise with constants that differ from stretch to stretch."""
+def _on_uneven_ground(found: JointFit, of: Fitted) -> Fitted:
+    """The first metres of each stretch, with constants that differ from stretch to stretch.
+
+    A step of the ground farther on comes back at every haul, and beside the small accelerations of
+    cruising it is as large as a load.
+    """
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
     residual = found.fit.residual
@@ -252,4 +262,10 @@ def _with_uneven_ground(found: JointFit, of: Fitted) -> Fitted:
     a_second = found.motion.rate_hz / stride_of(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     std_N = of.priors.ground_uneven_share * found.motion.weight
-    return replace(of, uneven_1_s=std_N**2 * a_second / noise)
+    near = of.motion.without(of.motion.used & (travelled_m(of.motion) > NEAR_M))
+    return replace(
+        of,
+        motion=near,
+        wheels=_wheels(near, of.noise, of.priors),
+        uneven_1_s=std_N**2 * a_second / noise,
+    )

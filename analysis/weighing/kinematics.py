@@ -152,12 +152,17 @@ def kinematics(
     found = _compared(motion.specific_force, motion, noise, priors, told)
     if found is None or motion.without_gravity is None:
         return found
-    squat = pitch_squat(motion.specific_force - motion.without_gravity, motion)
     level = _compared(motion.without_gravity, motion, noise, priors, told)
     if level is None:
         return found
-    if squat is not None and level.goes_together:
-        return replace(level, squat=squat)
+    squat = pitch_squat(motion.specific_force - motion.without_gravity, motion)
+    if squat is not None:
+        # on even ground what is left of gravity is less than the noise of the pitch
+        upright = motion.specific_force - squat[0] * motion.without_gravity
+        even = _compared(upright, motion, noise, priors, told)
+        best = min([level, *([] if even is None else [even])], key=lambda each: each.mismatch)
+        if best.goes_together or best.mismatch < found.mismatch:
+            return replace(best, squat=squat)
     return level if level.mismatch < _BETTER * found.mismatch else found
 
 

@@ -1,4 +1,11 @@
-"""A body that squats as the pitch shows it: gravity that follows the acceleration."""
+"""A body that squats as the pitch shows it: gravity that follows the acceleration.
+
+The pitch is the ground's grade, which goes with the place, and a squat, which goes with the
+acceleration and, through springs and the pitch's own filter, with its rate. Over the first metres
+of a start the grade is a cubic of the distance. What is known of the acceleration has the noise of
+the pitch that was taken off it, so that the force, whose noise is another, stands for it
+(instrumental variables; Wooldridge, Econometric Analysis of Cross Section and Panel Data, ch. 5).
+"""
 
 from dataclasses import dataclass
 from typing import Final
@@ -6,73 +13,107 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.equation import Equation, Floats, Ints
-from analysis.weighing.stretch_means import MEAN, means, without_line
+from analysis.weighing.stretch_means import EVERY, MEAN, means
 from estimators.fit_loss import group_rows
 
-#: Pitch and acceleration that correlate so well are a squat.
-_TOGETHER: Final = 0.8
+#: Metres from where a stretch begins over which the grade is a cubic: half the length of a hill.
+_REACH_M: Final = 8.0
+_DEGREE: Final = 3
+#: Rates of change are over so many means to either side, 0.3 s at 100 Hz: less is noise.
+_RATE_MEANS: Final = 10
+#: Fewer rows of a stretch than this tell nothing beside four coefficients of the grade.
+_FEWEST_ROWS: Final = 20
 #: A squat that adds less than this share of the acceleration does not matter,
 _LEAST_SQUAT: Final = 0.005
 #: and fewer stretches do not tell it from hills.
 _FEWEST_STRETCHES: Final = 6
-#: A share counts from so many of its deviations on.
+#: A share counts from so many of its standard deviations on.
 _COUNTS: Final = 3.5
 
 
 @dataclass(frozen=True, slots=True)
 class StretchSquats:
-    """How the pitch's gravity follows the acceleration in each stretch.
+    """Products of the force and its rate with what the pitch may follow, by stretch.
 
     Attributes:
         first: (stretches,) its first sample.
-        both: (stretches,) sum of products of gravity and acceleration.
-        square: (stretches,) sum of squares of the acceleration.
-        of_gravity: (stretches,) likewise of the gravity.
+        response: (stretches, 2) force and its rate times the pitch's gravity.
+        columns: (stretches, 2, 2) the same times the acceleration and its rate.
     """
 
     first: Ints
-    both: Floats
-    square: Floats
-    of_gravity: Floats
-
-    @property
-    def correlation(self) -> float:
-        """Of gravity and acceleration, over all stretches; 0 where one does not change."""
-        square = float(self.square.sum() * self.of_gravity.sum())
-        return float(self.both.sum()) / np.sqrt(square) if square else 0.0
+    response: Floats
+    columns: Floats
 
 
-def squat_of_stretches(gravity: Floats, motion: Equation) -> StretchSquats:
-    """Compare them stretch by stretch, each without a constant and a slope.
+def squats_of_stretches(gravity: Floats, motion: Equation) -> StretchSquats:
+    """Multiply them, each without a cubic of the distance.
 
     Args:
         gravity: (n,) by the pitch, in m/s².
         motion: the samples, with a pitch.
     """
     assert motion.without_gravity is not None
-    found: list[tuple[int, float, float, float]] = []
+    first: list[int] = []
+    products: list[Floats] = []
+    scale_N = motion.largest_force
     for part in group_rows(motion.group):
-        if part.size >= 10 * MEAN:
-            a, g = (without_line(means(x[part])) for x in (motion.without_gravity, gravity))
-            found.append((int(part[0]), float(a @ g), float(a @ a), float(g @ g)))
-    first, both, square, of_gravity = np.array(found).reshape(-1, 4).T
-    return StretchSquats(first.astype(np.int64), both, square, of_gravity)
+        travelled_m = np.cumsum(np.abs(motion.speed[part])) / motion.rate_hz
+        near = part[travelled_m < _REACH_M]
+        if near.size < MEAN + EVERY * (_FEWEST_ROWS + 2 * _RATE_MEANS):
+            continue
+        channels = (motion.without_gravity, motion.force / scale_N, gravity)
+        a, force, pitch = (means(channel[near]) for channel in channels)
+        grade = np.vander(_inner(means(travelled_m[: near.size])) / _REACH_M, _DEGREE + 1)
+        rows = np.column_stack([_inner(force), _rate(force), _inner(a), _rate(a), _inner(pitch)])
+        rows -= grade @ np.linalg.lstsq(grade, rows, rcond=None)[0]
+        first.append(int(near[0]))
+        products.append(rows[:, :2].T @ rows[:, 2:])
+    both = np.array(products).reshape(-1, 2, 3)
+    return StretchSquats(np.array(first, np.int64), both[:, :, 2], both[:, :, :2])
+
+
+def _inner(x: Floats) -> Floats:
+    """Those of the means that have a rate."""
+    return x[_RATE_MEANS:-_RATE_MEANS]
+
+
+def _rate(x: Floats) -> Floats:
+    """Change of the means over a fixed number of them."""
+    return x[2 * _RATE_MEANS :] - x[: -2 * _RATE_MEANS]
+
+
+def instrumented(columns: Floats, response: Floats) -> tuple[Floats, Floats] | None:
+    """Coefficients by instrumental variables, and their covariance by clusters.
+
+    Args:
+        columns: (clusters, p, p) instruments times columns.
+        response: (clusters, p) instruments times the response.
+
+    Returns:
+        (p,) coefficients and (p, p) their covariance; None where the instruments tell nothing.
+    """
+    count, p = response.shape
+    total = columns.sum(axis=0)
+    if count <= p or np.linalg.matrix_rank(total) < p:
+        return None
+    bread = np.linalg.inv(total)
+    theta = bread @ response.sum(axis=0)
+    scores = response - columns @ theta
+    return theta, bread @ scores.T @ scores @ bread.T * (count / (count - p))
 
 
 def pitch_squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None:
     """By which share of the acceleration the pitch's gravity follows it; None where it does not.
 
-    A body that squats pitches with every acceleration alike. On a hill that is always started on at
-    the same place the pitch follows as well, but less closely.
-
     Returns:
         The share and its standard deviation, by stretches.
     """
-    found = squat_of_stretches(gravity, motion)
-    count, total = found.both.size, float(found.square.sum())
-    if count < _FEWEST_STRETCHES or found.correlation < _TOGETHER:
+    found = squats_of_stretches(gravity, motion)
+    if found.first.size < _FEWEST_STRETCHES:
         return None
-    share = float(found.both.sum()) / total
-    scatter = float(((found.both - share * found.square) ** 2).sum()) * count / (count - 1)
-    std = float(np.sqrt(scatter)) / total
+    solved = instrumented(found.columns, found.response)
+    if solved is None:
+        return None
+    share, std = float(solved[0][0]), float(np.sqrt(solved[1][0, 0]))
     return (share, std) if share > max(_LEAST_SQUAT, _COUNTS * std) else None

@@ -18,7 +18,7 @@ import numpy as np
 from analysis.weighing.averages import RelativeLoads
 from analysis.weighing.equation import Equation, Floats, begins, ends, ground_speed
 from analysis.weighing.kinematics import Kinematics
-from analysis.weighing.pitch_squat import squat_of_stretches
+from analysis.weighing.pitch_squat import instrumented, squats_of_stretches
 from estimators.autocorrelation import student_factor
 
 #: Samples of a mean, and the fewest means of a stretch that is compared.
@@ -30,6 +30,9 @@ _FEWEST_STRETCHES: Final = 6
 _BEFORE: Final = 0.1
 #: It does in one of two where the wheels say that it squats at all.
 _BEFORE_IF_SQUATS: Final = 0.5
+#: Standard deviation of how a squat grows with the mass, over growing in proportion to it: springs
+#: stiffen, and the mass lies higher or lower with a load.
+_SPRINGS: Final = 0.5
 #: Odds beyond this, as a logarithm, are certain.
 _SURE: Final = 50.0
 
@@ -80,10 +83,10 @@ def find_squat(
         relative_load: (masses,) likewise of each state.
         prior_std: of the change of gain for a load of the reference mass.
     """
-    if motion.without_gravity is None:
-        found = _by_wheels(_stretches(motion, wheels, loads))
-    else:
-        found = _by_pitch(motion, loads)
+    if motion.without_gravity is not None:
+        gain, variance = _grown_squat(wheels.squat[0], _by_pitch(motion, loads))
+        return Squat(gain, float(np.sqrt(variance)), relative_load)
+    found = _by_wheels(_stretches(motion, wheels, loads))
     if found is None:
         return None
     value, variance = found
@@ -102,6 +105,22 @@ def find_squat(
     other = 1.0 - probability if squats else probability
     own = variance if squats else probability * variance
     return Squat(value if squats else 0.0, float(np.sqrt(own + other * value**2)), relative_load)
+
+
+def _grown_squat(share: float, seen: tuple[float, float] | None) -> tuple[float, float]:
+    """The change of gain by load of a body that squats by this share, and its variance.
+
+    Linear springs give way in proportion to the mass that they hold.
+
+    Args:
+        share: of the acceleration, with the reference mass.
+        seen: what the pitch shows of the change, and its variance.
+    """
+    mean, variance = -share, (_SPRINGS * share) ** 2
+    if seen is None:
+        return mean, variance
+    both = variance + seen[1]
+    return (mean * seen[1] + seen[0] * variance) / both, variance * seen[1] / both
 
 
 _Stretch = tuple[Floats, Floats, Floats, float]
@@ -142,19 +161,21 @@ def _by_pitch(motion: Equation, loads: RelativeLoads) -> tuple[float, float] | N
     assert motion.specific_force is not None
     assert motion.without_gravity is not None
     gravity = motion.specific_force - motion.without_gravity
-    squats = squat_of_stretches(gravity, motion)
+    squats = squats_of_stretches(gravity, motion)
     relative = loads.at(motion.unit)[squats.first]
     if relative.size < _FEWEST_STRETCHES or np.ptp(relative) == 0.0:
         return None
-    columns = np.column_stack([relative, np.ones(relative.size)])
-    gram = columns.T @ (squats.square[:, None] * columns)
-    bread = np.linalg.pinv(gram)
-    theta = bread @ columns.T @ squats.both
-    scores = columns * (squats.both - squats.square * (columns @ theta))[:, None]
-    freedom = relative.size - 2
-    variance = float((bread @ scores.T @ scores @ bread)[0, 0]) * relative.size / freedom
+    # beside the share and the rate, the share that grows with the load
+    times = np.column_stack([relative, np.ones((relative.size, 2))])
+    both = np.ix_(np.arange(relative.size), [0, 0, 1], [0, 0, 1])
+    columns = times[:, :, None] * squats.columns[both] * times[:, None, :]
+    solved = instrumented(columns, times * squats.response[:, [0, 0, 1]])
+    if solved is None:
+        return None
+    theta, covariance = solved
     # the accelerometer reads more by what the pitch adds, and the mass is less by it
-    return -float(theta[0]), variance * student_factor(freedom) ** 2
+    variance = float(covariance[0, 0]) * student_factor(relative.size - theta.size) ** 2
+    return -float(theta[0]), variance
 
 
 def _by_wheels(rows: list[_Stretch]) -> tuple[float, float] | None:
