@@ -36,26 +36,33 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
     B = np.zeros((p, p))
     lags = correlation.size
     # a column at a time and zero where the group is not, so that the lags need no question
-    own, tails = np.zeros((p, _MEAT_ROWS + lags)), np.empty((p, _MEAT_ROWS))
+    own, tail = np.zeros(_MEAT_ROWS + lags), np.empty(_MEAT_ROWS)
+    # a row at a time, so that the products of one are side by side
+    here, tails = np.empty((_MEAT_ROWS, p)), np.empty((_MEAT_ROWS, p))
     for begin in range(first, last + 1, _MEAT_ROWS):
         rows = min(_MEAT_ROWS, last + 1 - begin)
         for c in range(p):
             for k in range(rows + lags - 1):
                 at = begin - (lags - 1) + k
-                own[c, k] = A[at, c] if at >= 0 and group[at] == of else 0.0
-            here, tail = own[c, lags - 1 : lags - 1 + rows], tails[c, :rows]
+                own[k] = A[at, c] if at >= 0 and group[at] == of else 0.0
+            now = own[lags - 1 : lags - 1 + rows]
             for k in range(rows):
-                tail[k] = 0.5 * here[k]
+                tail[k] = 0.5 * now[k]
             for j in range(1, lags):
-                before = own[c, lags - 1 - j : lags - 1 - j + rows]
+                before = own[lags - 1 - j : lags - 1 - j + rows]
                 for k in range(rows):
                     tail[k] += correlation[j] * before[k]
+            for k in range(rows):
+                here[k, c], tails[k, c] = now[k], tail[k]
         for k in range(rows):
             if group[begin + k] == of:
                 for i in range(p):
-                    for c in range(p):
-                        mine, other = own[i, lags - 1 + k], own[c, lags - 1 + k]
-                        B[i, c] += mine * tails[c, k] + tails[i, k] * other
+                    mine, its = here[k, i], tails[k, i]
+                    for c in range(i + 1):
+                        B[i, c] += mine * tails[k, c] + its * here[k, c]
+    for i in range(p):
+        for c in range(i):
+            B[c, i] = B[i, c]
     return B
 
 
