@@ -187,7 +187,8 @@ def _restored(found: Floats, loss: Floats, taper: Floats) -> Floats:
     By substitution: where a fit leaves little, a solution would put back anything.
     """
     restored = found
-    for _ in range(_ROUNDS):
+    # of residuals that no fit took anything out of there is nothing to put back
+    for _ in range(_ROUNDS if loss.any() else 0):
         restored = found + loss @ (taper * restored)
     return restored
 

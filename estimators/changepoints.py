@@ -14,9 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.optimal_partition import optimal_partition
-from estimators.partition_posterior import Partition, PartitionPosterior
+from estimators.partition_posterior import Partition, PartitionPosterior, Stretches
 from estimators.units import FILLED, HINTED, NAMED, Units
 
 #: Scatter that is tried, over the units' own deviation, where it is not known.
@@ -73,13 +74,17 @@ def partitions(
     noise_alone = PartitionPosterior(units, spread, 0.0, None)
     begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]
     found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}
+    stretches: dict[bytes, Stretches] = {}
     for tau in scatters:
         posterior = PartitionPosterior(units, spread, tau, usual if scatter is None else None)
         tried = {each.tobytes() for each in (one, each_own, *hinted)}
         for effects in begin if n > 1 else []:
             tried |= _candidates(posterior, effects)
-        for key in tried:
-            each = posterior.of(np.frombuffer(key, np.int64))
+        # in an order that does not change from process to process, as sums depend on it
+        for key in sorted(tried):
+            if key not in stretches:
+                stretches[key] = Stretches.of(np.frombuffer(key, np.int64), units.kind)
+            each = posterior.of(stretches[key])
             if key not in found or each.log_posterior > found[key][0].log_posterior:
                 found[key] = each, posterior
     single, _ = found[one.tobytes()]
@@ -103,7 +108,10 @@ def _sure(best: Partition, posterior: PartitionPosterior) -> Partition:
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
         plainer = max(
-            (posterior.of(_joined(best.state, joint)) for joint in joints),
+            (
+                posterior.of(Stretches.of(_joined(best.state, joint), posterior.units.kind))
+                for joint in joints
+            ),
             key=lambda each: each.log_posterior,
         )
         if plainer.log_posterior < best.log_posterior - _SURE:
@@ -199,12 +207,27 @@ def _emptied_between(level: Floats, variance: Floats, kind: Ints) -> Ints:
         low, high = (np.average(level[each], weights=weight[each]) for each in (~heavy, heavy))
         gain = weight * ((level - low) ** 2 - (level - high) ** 2)
         before = heavy
-        heavy = np.concatenate([_heavy_until(each) for each in np.split(gain, first[1:])])
+        heavy = _heavy_until(gain, first)
         if np.array_equal(heavy, before):
             break
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
 
 
-def _heavy_until(gain: Floats) -> NDArray[np.bool_]:
-    """Which of a stretch's units are heavy: up to where their gains add up to most."""
-    return np.arange(gain.size) < int(np.argmax(np.append(0.0, np.cumsum(gain))))
+@compiled
+def _heavy_until(gain: Floats, first: Ints) -> NDArray[np.bool_]:
+    """Which units are heavy: each stretch's, up to where their gains add up to most.
+
+    Args:
+        gain: (n,) of each unit.
+        first: (stretches,) the first unit of each.
+    """
+    heavy = np.zeros(gain.size, np.bool_)
+    for part in range(first.size):
+        end = first[part + 1] if part + 1 < first.size else gain.size
+        total, most, until = 0.0, 0.0, first[part]
+        for k in range(first[part], end):
+            total += gain[k]
+            if total > most:
+                most, until = total, k + 1
+        heavy[first[part] : until] = True
+    return heavy

@@ -10,13 +10,14 @@ unit are the same thing, and only its size tells them apart.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 from scipy.special import betaln
 
+from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.units import FILLED, HINTED, NAMED, Units
 
@@ -72,6 +73,26 @@ class Partition:
         return self.state.size - int(self.level.max()) - 1
 
 
+@dataclass(frozen=True, slots=True)
+class Stretches:
+    """A partition's stretches, and what is known of them before the units are seen.
+
+    Attributes:
+        state: (n,) number of the stretch of each unit, ascending from 0.
+        levels: which level each may have, (stretches,), with the logarithm of how probable that is.
+        log_prior: logarithm of how probable the partition is.
+    """
+
+    state: Ints
+    levels: list[tuple[float, Ints]]
+    log_prior: float
+
+    @classmethod
+    def of(cls, state: Ints, kind: Ints) -> Self:
+        """Number the stretches of units whose boundaries are of these kinds."""
+        return cls(state, _levels_of(int(state[-1]) + 1), _log_prior(kind, np.diff(state) > 0))
+
+
 class PartitionPosterior:
     """Posterior of partitions of units that scatter by so much.
 
@@ -104,25 +125,18 @@ class PartitionPosterior:
         whole, right, _ = self._equations(self._by_state(state))
         return _solved(whole, right)[0]
 
-    def of(self, state: Ints) -> Partition:
-        """The partition with its levels, and how probable it is, up to a constant of the units.
-
-        Args:
-            state: (n,) numbers of the stretches, ascending.
-        """
-        by_state = self._by_state(state)
+    def of(self, stretches: Stretches) -> Partition:
+        """The partition with its levels, and how probable it is, up to a constant of the units."""
+        by_state = self._by_state(stretches.state)
         best, logs = None, []
-        for weight, level in _levels_of(by_state.shape[0]):
-            sums = np.zeros((int(level.max()) + 1, by_state.shape[1]))
-            np.add.at(sums, level, by_state)
-            log, levels, effects = self._of_levels(sums)
+        for weight, level in stretches.levels:
+            log, levels, effects = self._of_levels(_added(by_state, level))
             logs.append(weight + log)
             if best is None or logs[-1] > best[0]:
                 best = logs[-1], levels[level], level, effects
         assert best is not None
-        posterior = float(np.logaddexp.reduce(logs)) + self._log
-        posterior += _log_prior(self.units.kind, np.diff(state) > 0)
-        return Partition(state, best[1], best[2], self.scatter, best[3], posterior)
+        posterior = float(np.logaddexp.reduce(logs)) + self._log + stretches.log_prior
+        return Partition(stretches.state, best[1], best[2], self.scatter, best[3], posterior)
 
     def _by_state(self, state: Ints) -> Floats:
         first = np.append(0, np.flatnonzero(np.diff(state)) + 1)
@@ -148,6 +162,16 @@ class PartitionPosterior:
         logs = log_determinant - float(np.log(2.0 * np.pi * own).sum())
         log = -0.5 * (squares - float(effects @ right) + logs)
         return log + _log_of_levels(levels, own, self.spread), levels, effects
+
+
+@compiled
+def _added(values: Floats, level: Ints) -> Floats:
+    """Sums (levels, columns) of (states, columns) by level."""
+    sums = np.zeros((level.max() + 1, values.shape[1]))
+    for state in range(level.size):
+        for i in range(values.shape[1]):
+            sums[level[state], i] += values[state, i]
+    return sums
 
 
 def _solved(whole: Floats, right: Floats) -> tuple[Floats, float]:

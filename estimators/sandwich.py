@@ -35,28 +35,44 @@ def meat(A: Floats, group: Ints, of: int, first: int, last: int, correlation: Fl
     p = A.shape[1]
     B = np.zeros((p, p))
     lags = correlation.size
-    # a column at a time and zero where the group is not, so that the lags need no question
-    own, tails = np.zeros((p, _MEAT_ROWS + lags)), np.empty((p, _MEAT_ROWS))
+    own, tail = np.zeros(_MEAT_ROWS + lags), np.empty(_MEAT_ROWS)
+    # a row at a time, so that the products of one are side by side
+    here, tails = np.empty((_MEAT_ROWS, p)), np.empty((_MEAT_ROWS, p))
     for begin in range(first, last + 1, _MEAT_ROWS):
         rows = min(_MEAT_ROWS, last + 1 - begin)
         for c in range(p):
+            # zero where the group is not, so that the lags need no question
             for k in range(rows + lags - 1):
                 at = begin - (lags - 1) + k
-                own[c, k] = A[at, c] if at >= 0 and group[at] == of else 0.0
-            here, tail = own[c, lags - 1 : lags - 1 + rows], tails[c, :rows]
-            for k in range(rows):
-                tail[k] = 0.5 * here[k]
-            for j in range(1, lags):
-                before = own[c, lags - 1 - j : lags - 1 - j + rows]
-                for k in range(rows):
-                    tail[k] += correlation[j] * before[k]
+                own[k] = A[at, c] if at >= 0 and group[at] == of else 0.0
+            _add_up_before(own, correlation, tail[:rows])
+            here[:rows, c], tails[:rows, c] = own[lags - 1 : lags - 1 + rows], tail[:rows]
         for k in range(rows):
-            if group[begin + k] == of:
-                for i in range(p):
-                    for c in range(p):
-                        mine, other = own[i, lags - 1 + k], own[c, lags - 1 + k]
-                        B[i, c] += mine * tails[c, k] + tails[i, k] * other
+            for i in range(p):
+                mine, its = here[k, i], tails[k, i]
+                for c in range(i + 1):
+                    B[i, c] += mine * tails[k, c] + its * here[k, c]
+    for i in range(p):
+        B[:i, i] = B[i, :i]
     return B
+
+
+@compiled
+def _add_up_before(own: Floats, correlation: Floats, tail: Floats) -> None:
+    """Half of each sample, and those before it by their correlation with it.
+
+    Args:
+        own: samples, of which the first `correlation.size` - 1 are only before others.
+        correlation: (lags,) 1 first.
+        tail: (rows,) what is found.
+    """
+    lags, rows = correlation.size, tail.size
+    for k in range(rows):
+        tail[k] = 0.5 * own[lags - 1 + k]
+    for j in range(1, lags):
+        before = own[lags - 1 - j :]
+        for k in range(rows):
+            tail[k] += correlation[j] * before[k]
 
 
 def deviations(G: Floats, B: Floats, rss: float, samples: float) -> Floats:

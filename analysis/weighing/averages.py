@@ -1,7 +1,7 @@
 """The columns of the fit: means inside the stretches, thinned, and what noise is in them."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
@@ -115,6 +115,7 @@ class Averages:
         direction: (rows,) of each stretch.
         noise: what noise adds to the normal equations.
         shortest: stretches of fewer rows tell nothing of their own.
+        terms: whose columns they are.
     """
 
     A: Floats
@@ -123,6 +124,51 @@ class Averages:
     direction: Floats
     noise: NoiseMoments
     shortest: int
+    terms: tuple[Nuisance, ...]
+
+    def of(self, terms: tuple[Nuisance, ...]) -> "Averages":
+        """The same with the columns of some of the terms."""
+        if terms == self.terms:
+            return self
+        at = np.array([0, 1, *(2 + self.terms.index(term) for term in terms)])
+        parts = self.A[:, at], self.noise.gram[:, at[:, None], at], self.noise.cross[:, at]
+        # in the order of what was made so: sums depend on it to their last bits
+        A, gram, cross = (np.ascontiguousarray(part) for part in parts)
+        return replace(self, A=A, noise=NoiseMoments(gram, cross), terms=terms)
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What is averaged, whatever the length of the mean.
+
+    Attributes:
+        pieces: of the log.
+        terms: the nuisances.
+        found: by earlier rounds.
+        rate_hz: of the grid.
+    """
+
+    pieces: list["_PieceColumns"]
+    terms: tuple[Nuisance, ...]
+    found: EarlierRounds
+    rate_hz: float
+
+    @classmethod
+    def of(
+        cls,
+        motion: Equation,
+        noise: NoiseOfColumns,
+        terms: tuple[Nuisance, ...],
+        found: EarlierRounds,
+    ) -> Self:
+        """Make the columns; the arguments are those of `averages`."""
+        pieces = mapped(lambda piece: _columns(piece, noise, terms, found), list(motion.pieces))
+        return cls(pieces, terms, found, motion.rate_hz)
+
+    def averaged(self, noise: NoiseOfColumns, samples: int) -> Averages:
+        """Average them over so many samples."""
+        pieces = mapped(lambda piece: _averaged(piece, samples), self.pieces)
+        return _joined(pieces, noise, self.terms, samples, self.found.uneven_1_s / self.rate_hz)
 
 
 def averages(
@@ -141,9 +187,29 @@ def averages(
         samples: longest mean.
         found: by earlier rounds.
     """
+    # a piece at a time: the columns of a whole shift are many
     pieces = mapped(
-        lambda piece: _averaged(piece, noise, terms, samples, found), list(motion.pieces)
+        lambda piece: _averaged(_columns(piece, noise, terms, found), samples), list(motion.pieces)
     )
+    return _joined(pieces, noise, terms, samples, found.uneven_1_s / motion.rate_hz)
+
+
+def _joined(
+    pieces: list["_Averaged"],
+    noise: NoiseOfColumns,
+    terms: tuple[Nuisance, ...],
+    samples: int,
+    uneven: float,
+) -> Averages:
+    """Weigh the rows of all pieces.
+
+    Args:
+        pieces: of the log.
+        noise: of acceleration, speed and force.
+        terms: the nuisances.
+        samples: longest mean.
+        uneven: how much stretches' constants differ, in variances of the noise of a sample.
+    """
     A = np.concatenate([piece.A for piece in pieces])
     f = np.concatenate([piece.f for piece in pieces])
     lengths, which = np.unique(
@@ -159,8 +225,8 @@ def averages(
     A *= weight[:, None]
     f *= weight
     group = np.concatenate([piece.group for piece in pieces])
-    if found.uneven_1_s:
-        _whiten_constants(A, f, group, found.uneven_1_s * stride_of(samples) / motion.rate_hz)
+    if uneven:
+        _whiten_constants(A, f, group, uneven * stride_of(samples))
     return Averages(
         A,
         f,
@@ -168,6 +234,7 @@ def averages(
         np.concatenate([piece.raw.direction for piece in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
         max(_SHORTEST // stride_of(samples), 6),
+        terms,
     )
 
 
@@ -187,6 +254,15 @@ def _whiten_constants(A: Floats, f: Floats, group: Ints, ratio: float) -> None:
 
 
 @dataclass(frozen=True, slots=True)
+class _PieceColumns:
+    """Of a piece: (terms + 3, n) columns, the force behind them, and the stretch of each sample."""
+
+    values: Floats
+    group: Ints
+    raw: Moments
+
+
+@dataclass(frozen=True, slots=True)
 class _Averaged:
     """Of a piece: columns, force, stretch and length of each mean, and its last sample."""
 
@@ -197,14 +273,10 @@ class _Averaged:
     raw: Moments
 
 
-def _averaged(
-    motion: Equation,
-    noise: NoiseOfColumns,
-    terms: tuple[Nuisance, ...],
-    samples: int,
-    found: EarlierRounds,
-) -> _Averaged:
-    """Average the columns of a piece, not weighted."""
+def _columns(
+    motion: Equation, noise: NoiseOfColumns, terms: tuple[Nuisance, ...], found: EarlierRounds
+) -> _PieceColumns:
+    """Make the columns of a piece."""
     in_time = motion.with_force_moved_back(found.lag_s)
     if found.speed_late_s:
         # what a late speed does to friction goes with the motion, which a specific force is not
@@ -234,13 +306,18 @@ def _averaged(
         (0.0, 0.0) if loads is None else loads.weight_shares,
     )
     group = _under_way(motion.group, math.ceil(abs(found.lag_s) * motion.rate_hz))
-    kept = np.flatnonzero(_thinned(group, stride_of(samples)))
-    columns = np.empty((len(terms) + 3, group.size))
-    columns[0], columns[1], columns[-1] = raw.acceleration, raw.speed, force
+    values = np.empty((len(terms) + 3, group.size))
+    values[0], values[1], values[-1] = raw.acceleration, raw.speed, force
     for place, term in enumerate(terms, start=2):
-        columns[place] = term.column(raw)
-    means, count = trailing_group_means(columns, group, samples, kept)
-    return _Averaged(means[:, :-1], means[:, -1], group[kept], count, raw.at(kept))
+        values[place] = term.column(raw)
+    return _PieceColumns(values, group, raw)
+
+
+def _averaged(piece: _PieceColumns, samples: int) -> _Averaged:
+    """Average the columns of a piece, not weighted."""
+    kept = np.flatnonzero(_thinned(piece.group, stride_of(samples)))
+    means, count = trailing_group_means(piece.values, piece.group, samples, kept)
+    return _Averaged(means[:, :-1], means[:, -1], piece.group[kept], count, piece.raw.at(kept))
 
 
 def stride_of(samples: int) -> int:

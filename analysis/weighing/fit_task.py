@@ -1,12 +1,13 @@
 """One set of samples, priors and load states, fitted in rounds until lag and slip stand."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
 from analysis.settings import LearntTerm, PriorSettings
-from analysis.weighing.averages import EarlierRounds, RelativeLoads, averages
+from analysis.weighing.averages import Averages, EarlierRounds, RelativeLoads, averages
 from analysis.weighing.effects import NARROW
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.ground import SOURCE
@@ -54,30 +55,44 @@ class FitTask:
         states = None if self.states is None else self.states.among(motion)
         return replace(self, motion=motion, states=states)
 
+    @cached_property
+    def begun(self) -> EarlierRounds:
+        """What is known before anything was fitted."""
+        return EarlierRounds(
+            slip_1_N=self._slip(),
+            motion_gain=self._squat_gain(),
+            speed_late_s=self._speed_late_s(),
+            relative_loads=self._relative_loads(),
+            uneven_1_s=self.uneven_1_s,
+        )
+
     def fitted(
-        self, samples: int, rounds: int, *, shift: bool = True, begin: JointFit | None = None
+        self,
+        samples: int,
+        rounds: int,
+        *,
+        shift: bool = True,
+        begin: JointFit | None = None,
+        rows: Averages | None = None,
     ) -> JointFit:
         """Fit with means of `samples`: lag and slip depend on what the fit finds, so again.
 
         A force that is late is moved back; one that is low-passed is not, since its derivative
         alone makes up for that (f + τ df/dt).
+
+        Args:
+            samples: longest mean.
+            rounds: at most.
+            shift: whether the force is moved back.
+            begin: what is fitted begins from there; None: from what is known before.
+            rows: of the first round, where they are at hand.
         """
         lag = place_of("lag", self.terms)
         std = np.zeros(len(self.terms))
         levels = None if self.states is None else self.states.levels(self.motion)
         # behind the masses and friction
         first = 2 if levels is None else levels.count + 1
-        known = (
-            begin.found
-            if begin
-            else EarlierRounds(
-                slip_1_N=self._slip(),
-                motion_gain=self._squat_gain(),
-                speed_late_s=self._speed_late_s(),
-                relative_loads=self._relative_loads(),
-                uneven_1_s=self.uneven_1_s,
-            )
-        )
+        known = begin.found if begin else self.begun
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
         masses_and_friction = begin and begin.theta[: begin.count + 1]
@@ -86,7 +101,8 @@ class FitTask:
             self._narrow_gain_drift(std)
             known_s = known.lag_s
             mean[lag] -= known_s
-            rows = averages(self.motion, self.noise, self.terms, samples, known)
+            if number or rows is None:
+                rows = averages(self.motion, self.noise, self.terms, samples, known)
             solution = prior_fit.solve(
                 rows.A,
                 rows.f,
@@ -158,9 +174,8 @@ class FitTask:
         )
         return after, abs(late_s)
 
-    def units(self, fit: JointFit) -> Units:
-        """What each manoeuvre says of its mass, by what a fit found."""
-        samples, found = fit.mean_samples, fit.found
+    def units(self, fit: JointFit, rows: Averages) -> Units:
+        """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
         mean, std = self._priors(fit.theta[: fit.count + 1])
         if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
             std[place_of("gain_drift", self.terms)] *= NARROW
@@ -169,8 +184,7 @@ class FitTask:
         mean[ground] = fit.theta[fit.count + 1 :][ground]
         std[ground] *= NARROW
         lag = place_of("lag", self.terms)
-        mean[lag] -= found.lag_s
-        rows = averages(self.motion, self.noise, self.terms, samples, found)
+        mean[lag] -= fit.found.lag_s
         return units_of(
             rows.A,
             rows.f,

@@ -17,6 +17,7 @@ import numpy as np
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Equation, Floats
 from analysis.weighing.nuisances import Moments, Nuisance
+from estimators.compiled import compiled
 
 #: Between such distances from where a stretch begins, in m, the ground's force goes on a line: an
 #: edge between two grounds is about a metre wide.
@@ -75,7 +76,7 @@ class _Way:
         return Nuisance(
             f"ground_{self.name}{name}",
             "N",
-            lambda m: self.sign * (m.direction == self.sign) * column(m),
+            lambda m: _one_way(column(m), m.direction, self.sign),
             width,
             f"{meaning}, {self.name}",
             "more cycles; a pitch channel; even ground",
@@ -95,7 +96,25 @@ class _Way:
 
 def _along(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
     """From 0 to 1 between two distances."""
-    return lambda m: np.clip((m.travelled_m - begin_m) / (end_m - begin_m), 0.0, 1.0)
+    return lambda m: _ramp(m.travelled_m, begin_m, end_m)
+
+
+@compiled
+def _ramp(travelled_m: Floats, begin_m: float, end_m: float) -> Floats:
+    out = np.empty(travelled_m.size)
+    for k in range(out.size):
+        out[k] = min(max((travelled_m[k] - begin_m) / (end_m - begin_m), 0.0), 1.0)
+    return out
+
+
+@compiled
+def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
+    """A force along the direction of driving, 0 in the other one."""
+    out = np.zeros(column.size)
+    for k in range(out.size):
+        if direction[k] == sign:
+            out[k] = sign * column[k]
+    return out
 
 
 def _changes(over_m: float) -> Callable[[Equation, PriorSettings], float]:

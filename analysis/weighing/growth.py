@@ -76,13 +76,21 @@ class Filling:
     deviations: float
 
 
-def filling(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Filling:
+def filling(
+    fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings, rows: Averages | None = None
+) -> Filling:
     """Fit once more with a load that grows at every start alike, and with resistances that resist.
 
     The likelihood ratio of a growth of zero and of one that is not below it, each with whichever
     resistances of zero or more explain the log best.
+
+    Args:
+        fit: without that load.
+        noise: of acceleration, speed and force.
+        priors: of the nuisances.
+        rows: of the fit and of `FILLING`, where they are at hand.
     """
-    grown = again(fit, noise, priors, (FILLING,))
+    grown = again(fit, noise, priors, (FILLING,), rows=rows)
     names = [term.name for term in fit.terms]
     resistances = [place_of(name, fit.terms) for name in _RESISTANCES if name in names]
     at = [grown.theta.size - 1, *(fit.count + 1 + place for place in resistances)]

@@ -7,6 +7,8 @@ import numpy as np
 
 from analysis.settings import PriorSettings
 from analysis.weighing.averages import (
+    Averages,
+    Columns,
     EarlierRounds,
     RelativeLoads,
     averages,
@@ -14,7 +16,7 @@ from analysis.weighing.averages import (
     travelled_m,
 )
 from analysis.weighing.effects import LikelyEffects
-from analysis.weighing.equation import Equation, Floats, KeptNoise, NoiseOfColumns
+from analysis.weighing.equation import Equation, Floats, Ints, KeptNoise, NoiseOfColumns
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.ground import FEWEST, GROUND, NEAR_M
 from analysis.weighing.joint_result import JointFit, MotionResponses
@@ -94,7 +96,11 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
-    first = [part.fitted(samples, _PILOT_ROUNDS) for samples in lengths]
+    columns = Columns.of(part.motion, of.noise, terms, part.begun)
+    first = [
+        part.fitted(samples, _PILOT_ROUNDS, rows=columns.averaged(of.noise, samples))
+        for samples in lengths
+    ]
     # a lag that is far from made up for may leave no mass at all
     first = [found for found in first if found.mass_kg > _LEAST * motion.about_kg] or first
     telling = [found for found in first if found.fit.noise_share <= _MOST_NOISE] or first[-1:]
@@ -151,16 +157,26 @@ def again(
     priors: PriorSettings,
     extra: tuple[Nuisance, ...] = (),
     rounds: int = 1,
+    rows: Averages | None = None,
 ) -> JointFit:
     """Fit the same samples with other priors, or with further terms behind the others.
 
     Effects that the log is unlikely to have stay left out.
+
+    Args:
+        found: what is fitted again.
+        noise: of acceleration, speed and force.
+        priors: of the nuisances.
+        extra: the further terms.
+        rounds: at most.
+        rows: `rows_of` what was found, with these terms and maybe more, where they are at hand.
     """
     if found.effects is not None:
         priors = found.effects.narrowed(priors)
     terms = (*found.terms, *extra)
     task = FitTask(found.motion, noise, priors, terms, found.kinematics, found.states)
-    fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found)
+    rows = rows and rows.of(terms)
+    fitted = task.fitted(found.mean_samples, rounds, shift=found.shifted, begin=found, rows=rows)
     if fitted.count != found.count:
         # of other loads
         return fitted
@@ -171,6 +187,12 @@ def again(
         effects=found.effects,
         squat=found.squat,
     )
+
+
+def rows_of(found: JointFit, noise: NoiseOfColumns, extra: tuple[Nuisance, ...] = ()) -> Averages:
+    """The rows by which a fit begins that goes on from another, with further terms or without."""
+    terms = (*found.terms, *extra)
+    return averages(found.motion, noise, terms, found.mean_samples, found.found)
 
 
 def with_likely_effects(found: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> JointFit:
@@ -227,15 +249,17 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
         task = FitTask(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
         )
-        units = task.units(found)
+        rows = rows_of(found, of.noise)
+        units = task.units(found, rows)
         states = found_states(replace(units, kind=hints), number, repeatability_kg)
         before = found.states
         if states.count == 1 and found.count == 1:
-            return again(replace(found, states=states), of.noise, of.priors)
+            return again(replace(found, states=states), of.noise, of.priors, rows=rows)
         if before is not None and np.array_equal(states.of, before.of):
             # the same loads, whose scatter is known better now
-            return again(replace(found, states=states), of.noise, of.priors, rounds=2)
-        of = _on_uneven_ground(found, of)
+            found = replace(found, states=states)
+            return again(found, of.noise, of.priors, rounds=2, rows=rows)
+        of = _on_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
         if any(np.array_equal(states.of, each.of) for each in map(_states, tried)):
             break
@@ -248,7 +272,7 @@ def _states(found: JointFit) -> States:
     return found.states
 
 
-def _on_uneven_ground(found: JointFit, of: Fitted) -> Fitted:
+def _on_uneven_ground(found: JointFit, of: Fitted, group: Ints) -> Fitted:
     """The first metres of each stretch, with constants that differ from stretch to stretch.
 
     A step of the ground farther on comes back at every haul, and beside the small accelerations of
@@ -257,8 +281,7 @@ def _on_uneven_ground(found: JointFit, of: Fitted) -> Fitted:
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
     residual = found.fit.residual
-    rows = averages(found.motion, of.noise, found.terms, found.mean_samples, found.found)
-    correlation, white = pooled_autocorrelation(residual, rows.group, None)
+    correlation, white = pooled_autocorrelation(residual, group, None)
     a_second = found.motion.rate_hz / stride_of(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     std_N = of.priors.ground_uneven_share * found.motion.weight

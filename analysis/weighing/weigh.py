@@ -10,19 +10,21 @@ from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
 from analysis.regressor import X
 from analysis.settings import PriorSettings
+from analysis.weighing.averages import Averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.growth import Filling, Growth, filling, growing
 from analysis.weighing.joint_fit import (
     Fitted,
     again,
     joint_fit,
+    rows_of,
     with_likely_effects,
     with_responses,
     with_squat,
     with_states,
 )
 from analysis.weighing.joint_result import JointFit
-from analysis.weighing.nuisances import CURVATURE
+from analysis.weighing.nuisances import CURVATURE, FILLING
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
 _DISAGREES: Final = 3.0
@@ -180,7 +182,10 @@ def weigh(
     fit = with_responses(fit, columns, priors)
     alone = _alone(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _without_learnt(priors))
-    halved, doubled = (again(fit, columns, _scaled(priors, times)) for times in (0.5, 2.0))
+    rows = rows_of(fit, columns, (CURVATURE, FILLING))
+    halved, doubled = (
+        again(fit, columns, _scaled(priors, times), rows=rows) for times in (0.5, 2.0)
+    )
     return Weighing(
         fit,
         halved.masses_kg,
@@ -188,8 +193,8 @@ def weigh(
         braking_kg,
         left_out,
         doubted,
-        curvature(fit, columns, priors),
-        filling(own, columns, own_priors),
+        curvature(fit, columns, priors, rows),
+        filling(own, columns, own_priors, rows if own is fit else None),
         grown,
         alone,
     )
@@ -224,9 +229,18 @@ def _apart_kg(one: JointFit, other: JointFit) -> float:
     return float(np.mean(one.masses_kg[mine.of[a]] - other.masses_kg[theirs.of[b]]))
 
 
-def curvature(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Curvature:
-    """Fit once more with a term in a·|a|."""
-    curved = again(fit, noise, priors, (CURVATURE,)).fit
+def curvature(
+    fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings, rows: Averages | None = None
+) -> Curvature:
+    """Fit once more with a term in a·|a|.
+
+    Args:
+        fit: without it.
+        noise: of acceleration, speed and force.
+        priors: of the nuisances.
+        rows: of the fit and of `CURVATURE`, where they are at hand.
+    """
+    curved = again(fit, noise, priors, (CURVATURE,), rows=rows).fit
     moved = float(curved.theta[fit.main] - fit.theta[fit.main])
     return Curvature(float(curved.theta[-1] / curved.std[-1]), moved, fit.mass_kg)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators.changepoints import partitions
-from estimators.partition_posterior import PartitionPosterior
+from estimators.partition_posterior import PartitionPosterior, Stretches
 from estimators.units import Units
 
 SPREAD = 1200.0
@@ -32,7 +32,8 @@ def state_of(levels, **more):
 
 def log_posterior(drawn, state):
     """Of a partition, where manoeuvres do not scatter."""
-    return PartitionPosterior(drawn, SPREAD, 0.0, None).of(np.asarray(state)).log_posterior
+    stretches = Stretches.of(np.asarray(state), drawn.kind)
+    return PartitionPosterior(drawn, SPREAD, 0.0, None).of(stretches).log_posterior
 
 
 class TestPartitions:

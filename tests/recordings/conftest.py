@@ -1,6 +1,7 @@
 """Made-up runs with every frame of the schema: straight drives, a gap, five methods."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import polars as pl
@@ -16,8 +17,8 @@ T0_UNIX_NS = 1_700_000_000_123_456_789
 
 @pytest.fixture(scope="session")
 def drives() -> Callable[..., Run]:
-    """Make a run of straight drives, with every frame."""
-    return straight_drives
+    """A run of straight drives, with every frame: made once, to be looked at."""
+    return cache(straight_drives)
 
 
 def straight_drives(

@@ -7,19 +7,27 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from recordings import read_recording
+from recordings import read_recording, write_recording
+from replay import load_machine, open_log, run
+from replay.machine_file import time_axis
 from tests.replay.readers.damaged import chunks, overwrite
 from tests.replay.readers.written_logs import Joints, write_mcap
-from tests.replay.sledge import Payscope, one_line, sledge
+from tests.replay.sledge import MACHINE, Payscope, one_line, sledge
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A replayed log, to be looked at."""
+    folder = tmp_path_factory.mktemp("shown")
+    log, machine_file = folder / "sledge.csv", folder / "sledge.toml"
+    sledge().write_csv(log)
+    machine_file.write_text(MACHINE)
+    machine = load_machine(machine_file)
+    with open_log(log, time=time_axis(machine)) as opened:
+        return write_recording(run(opened, machine), folder / "out.rrd")
 
 
 class TestShow:
-    @pytest.fixture
-    def recording(self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path) -> Path:
-        out = tmp_path / "out.rrd"
-        assert payscope("run", log, "-m", machine_file, "-o", out).status == 0
-        return out
-
     def test_lists_the_stages_and_prints_each_of_them_in_each_format(
         self, payscope: Payscope, recording: Path, tmp_path: Path
     ) -> None:

@@ -1,6 +1,6 @@
 """The main job on logs of our own and of others: what can be weighed, and what must be refused."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import polars as pl
@@ -16,12 +16,24 @@ from replay.machine_file import time_axis
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 REFERENCE_KG = 95.11
 REFERENCE_N_S_M = 203.5
+Replay = Callable[..., Run]
 
 
-def replay(log: Path, machine_file: str, overrides: Sequence[str] = ()) -> Run:
-    machine = load_machine(EXAMPLES / machine_file, overrides)
-    with open_log(log, time=time_axis(machine)) as opened:
-        return run(opened, machine)
+@pytest.fixture(scope="module")
+def replay() -> Iterator[Replay]:
+    """Replay a log; what several tests look at is replayed once."""
+    kept: dict[tuple[Path, str], Run] = {}
+
+    def replayed(log: Path, machine_file: str, overrides: Sequence[str] = ()) -> Run:
+        machine = load_machine(EXAMPLES / machine_file, overrides)
+        asked = log, machine.model_dump_json()
+        if asked not in kept:
+            with open_log(log, time=time_axis(machine)) as opened:
+                kept[asked] = run(opened, machine)
+        return kept[asked]
+
+    yield replayed
+    kept.clear()
 
 
 def pooled(replayed: Run) -> dict[str, float]:
@@ -50,12 +62,12 @@ class TestLinearAxis:
     @pytest.mark.parametrize("coulomb", ["true", "false"])
     @pytest.mark.parametrize(("log", "machine_file"), LOGS)
     def test_pooled_mass_is_within_two_percent(
-        self, data: Path, log: str, machine_file: str, coulomb: str
+        self, replay: Replay, data: Path, log: str, machine_file: str, coulomb: str
     ) -> None:
         replayed = replay(data / "logs" / log, machine_file, [f"settings.forces.coulomb={coulomb}"])
         assert pooled(replayed)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
 
-    def test_three_formats_give_the_same_masses(self, data: Path) -> None:
+    def test_three_formats_give_the_same_masses(self, replay: Replay, data: Path) -> None:
         replayed = [replay(data / "logs" / log, machine_file) for log, machine_file in self.LOGS]
         of_method = [pooled(each)["mass_kg"] for each in replayed]
         assert of_method[1:] == pytest.approx(of_method[:1] * 2, rel=1e-9)
@@ -64,7 +76,7 @@ class TestLinearAxis:
 
     @pytest.mark.parametrize("window", [100, 320])
     def test_the_answer_is_within_two_percent_and_two_standard_uncertainties(
-        self, data: Path, window: int
+        self, replay: Replay, data: Path, window: int
     ) -> None:
         """Its dry friction is one of the terms; the force's gain is what no log tells."""
         overrides = [f"settings.gate.window_samples={window}"]
@@ -78,14 +90,16 @@ class TestLinearAxis:
         assert abs(dry["posterior"] - 20.4) < 3.0 * dry["posterior_std"]
         assert load["scale_unknown"] == "force_gain"
 
-    def test_with_the_coulomb_term_friction_is_within_five_percent(self, data: Path) -> None:
+    def test_with_the_coulomb_term_friction_is_within_five_percent(
+        self, replay: Replay, data: Path
+    ) -> None:
         found = pooled(replay(data / "logs/linear_axis.csv", "linear_axis.toml"))
         assert found["friction_x_N_s_m"] == pytest.approx(REFERENCE_N_S_M, rel=0.05)
         assert found["coulomb_x_N"] == pytest.approx(20.4, abs=1.5)
 
     @pytest.mark.parametrize("window", [100, 200], ids=["1 s", "2 s"])
     def test_with_the_file_as_shipped_windows_with_braking_are_within_six_percent_of_the_reference(
-        self, data: Path, window: int
+        self, replay: Replay, data: Path, window: int
     ) -> None:
         """The machine file's settings were fixed before; the window alone is asked for here."""
         replayed = replay(
@@ -105,7 +119,7 @@ class TestLinearAxis:
     @pytest.mark.parametrize("coulomb", ["true", "false"])
     @pytest.mark.parametrize("window", [100, 200, 320])
     def test_the_reference_is_within_2_2_standard_deviations_of_the_pooled_mass(
-        self, data: Path, window: int, coulomb: str
+        self, replay: Replay, data: Path, window: int, coulomb: str
     ) -> None:
         """At the full 1 kHz of the log, not resampled, it is 2.0 of them off with dry friction."""
         found = pooled(
@@ -118,7 +132,9 @@ class TestLinearAxis:
         assert abs(found["mass_kg"] - REFERENCE_KG) < 2.2 * found["mass_std_kg"]
         assert 1.96 * found["mass_std_kg"] < 0.04 * found["mass_kg"]
 
-    def test_the_mass_at_the_grids_rate_is_that_at_the_logs_own(self, shared_data: Path) -> None:
+    def test_the_mass_at_the_grids_rate_is_that_at_the_logs_own(
+        self, replay: Replay, shared_data: Path
+    ) -> None:
         """Ten samples are averaged to one; one of ten, as it was, gave 0.3 kg more."""
         log = shared_data / "logs/linear_axis.csv"
         only = 'settings.trace.methods=["pooled"]'
@@ -127,7 +143,9 @@ class TestLinearAxis:
         found = pooled(replay(log, "linear_axis.toml", [only]))["mass_kg"]
         assert found == pytest.approx(pooled(full)["mass_kg"], abs=0.1)
 
-    def test_a_stricter_gate_chooses_some_windows_and_keeps_the_mass(self, data: Path) -> None:
+    def test_a_stricter_gate_chooses_some_windows_and_keeps_the_mass(
+        self, replay: Replay, data: Path
+    ) -> None:
         log = data / "logs/linear_axis.csv"
         loose = replay(log, "linear_axis.toml")
         threshold = {"own": 1.07}.get(data.name, 1.1)
@@ -139,7 +157,9 @@ class TestLinearAxis:
         assert gated["mi_x_nat"].max() < threshold
         assert pooled(strict)["mass_kg"] == pytest.approx(REFERENCE_KG, rel=0.02)
 
-    def test_excluding_braking_leaves_no_window_and_says_why(self, data: Path) -> None:
+    def test_excluding_braking_leaves_no_window_and_says_why(
+        self, replay: Replay, data: Path
+    ) -> None:
         refused = replay(
             data / "logs/linear_axis.csv",
             "linear_axis.toml",
@@ -153,7 +173,9 @@ class TestLinearAxis:
             f"the longest stretch without braking is {longest_s} s, the window 3.20 s"
         ]
 
-    def test_a_force_without_sign_is_refused(self, data: Path, tmp_path: Path) -> None:
+    def test_a_force_without_sign_is_refused(
+        self, replay: Replay, data: Path, tmp_path: Path
+    ) -> None:
         table = pl.read_csv(data / "logs/linear_axis.csv")
         unsigned = tmp_path / "unsigned.csv"
         table.with_columns(pl.col("force_N").abs()).write_csv(unsigned)
@@ -191,7 +213,7 @@ class TestHusky:
         ],
     )
     def test_the_mass_is_withheld_by_general_checks(
-        self, data: Path, log: str, machine_file: str, overrides: tuple[str, ...]
+        self, replay: Replay, data: Path, log: str, machine_file: str, overrides: tuple[str, ...]
     ) -> None:
         refused = replay(data / "logs" / log, machine_file, overrides)
         failed = failed_checks(refused)
@@ -221,7 +243,7 @@ class TestHusky:
         ],
     )
     def test_turns_with_unsigned_currents_tell_no_inertia_and_no_centre_of_mass(
-        self, data: Path, loose: tuple[str, ...]
+        self, replay: Replay, data: Path, loose: tuple[str, ...]
     ) -> None:
         turns = 'channels.yaw_acc_rad_s2.derive="d/dt yaw_rate_rad_s"'
         log = data / "logs/husky_asphalt.bag"
@@ -235,6 +257,8 @@ class TestHusky:
         assert planar["com_x_m"].null_count() == planar.height
         assert answer(refused).verdict.tells_inertia is False
 
-    def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(self, data: Path) -> None:
+    def test_a_cut_off_above_the_topics_rate_is_not_applied_and_reported(
+        self, replay: Replay, data: Path
+    ) -> None:
         refused = replay(data / "logs/husky_asphalt.bag", "husky_wheels.toml")
         assert any("only 6.5 Hz" in note for note in refused.provenance.notes)
