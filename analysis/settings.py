@@ -242,6 +242,16 @@ class PriorSettings(BaseModel):
         gt=0,
         description="prior of the change of the measured wheels' share with acceleration",
     )
+    scrub_arm_m: float = Field(
+        0.03,
+        gt=0,
+        description="prior of Coulomb friction of turning, as a torque over the machine's weight; "
+        "tyres that scrub. `direction_share` of the yaw torque is added in quadrature",
+    )
+    yaw_rate_bias_rad_s: float = Field(
+        0.005, gt=0, description="prior of the gyroscope's bias while the machine turns"
+    )
+    yaw_rate_gain: float = Field(0.005, gt=0, description="prior of the gyroscope's gain less 1")
     learnt: dict[LearnableTerm, LearntTerm] = Field(
         {},
         description="priors that a calibration learnt, instead: a table of `mean`, `std`, `mean_u` "

@@ -6,7 +6,7 @@ where no calibration learnt another (`settings.priors.learnt`).
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final, Protocol, Self
 
 import numpy as np
 
@@ -109,7 +109,21 @@ class Nuisance:
     source: str = ""
 
 
-def const_width(motion: Equation, priors: PriorSettings) -> float:
+class Driven(Protocol):
+    """A log by what it drives with."""
+
+    @property
+    def largest_force(self) -> float:
+        """In N."""
+        ...
+
+    @property
+    def weight(self) -> float:
+        """Of the machine, in N."""
+        ...
+
+
+def const_width(motion: Driven, priors: PriorSettings) -> float:
     """Standard deviation of the constant force's prior, in N."""
     return float(
         np.hypot(
@@ -118,7 +132,7 @@ def const_width(motion: Equation, priors: PriorSettings) -> float:
     )
 
 
-def direction_width(motion: Equation, priors: PriorSettings) -> float:
+def direction_width(motion: Driven, priors: PriorSettings) -> float:
     """Standard deviation of Coulomb friction's prior, in N."""
     return float(
         np.hypot(
