@@ -21,12 +21,12 @@ from analysis.gate import gate
 from analysis.machine import Machine
 from analysis.masses import masses, withhold
 from analysis.obstacles import obstacles
-from analysis.turning.planar import planar
 from analysis.run import Loss, Run
 from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
+from analysis.turning.planar import planar
 from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError

@@ -57,9 +57,7 @@ def sources(
     for name, u in own.items():
         term = _TERMS[name]
         if term.stated is None:
-            found.append(
-                UncertaintySource(name, "common", float(u), term.meaning, term.shrinks)
-            )
+            found.append(UncertaintySource(name, "common", float(u), term.meaning, term.shrinks))
         else:
             stated[term.stated.name] = float(np.hypot(stated.get(term.stated.name, 0.0), u))
     return largest_first([*found, *_stated(estimate, gradient, stated, machine)])

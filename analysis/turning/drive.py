@@ -1,8 +1,7 @@
 """A log's motion in the plane beside what is known of the machine: what the terms are made of."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -10,7 +9,7 @@ import polars as pl
 from analysis.machine import Machine
 from analysis.schema import values
 from analysis.turning.plane import Plane
-from estimators.estimate import Floats, Ints
+from estimators.estimate import Bools, Floats
 from estimators.planar_rows import PARAMETERS
 
 #: What a log reaches: this quantile of it.
@@ -57,6 +56,7 @@ class Drive:
         largest_torque: likewise, N·m.
         largest_speed: likewise, m/s.
         largest_yaw_rate: likewise, rad/s.
+        largest_acc_y: likewise, m/s².
     """
 
     plane: Plane
@@ -67,6 +67,7 @@ class Drive:
     largest_torque: float
     largest_speed: float
     largest_yaw_rate: float
+    largest_acc_y: float
 
     @property
     def gravity_m_s2(self) -> float:
@@ -95,8 +96,8 @@ class Drive:
         return self._found("first_moment_y_kg_m")
 
     @property
-    def friction_z_N_m_s(self) -> float:
-        """Viscous friction of turning."""
+    def turning_friction(self) -> float:
+        """Viscous friction of turning, in N·m·s."""
         return self._found("friction_z_N_m_s")
 
     @property
@@ -180,10 +181,11 @@ def drive_of(
         _reached(plane.f[:, 1], turns),
         _reached(motion.speed, used),
         _reached(motion.yaw_rate, turns),
+        _reached(motion.specific_force_y, turns),
     )
 
 
-def _reached(x: Floats, used: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> float:
+def _reached(x: Floats, used: Bools) -> float:
     """What the samples reach without their outliers; a little where they are none or 0."""
     found = float(np.quantile(np.abs(x[used]), _REACHES)) if used.any() else 0.0
     return max(found, 1e-6)

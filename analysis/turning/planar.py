@@ -228,33 +228,45 @@ def _fit(
         rows: of force, of yaw torque, or both.
         columns: which of the six.
     """
-    letters = "xz"[rows]
+    told = _round(log, segment_id, start, known, rows, columns)
+    for _ in range(_ROUNDS - 1):
+        coefficients = start.copy()
+        found = told.estimate.coefficients[: len(columns)]
+        if np.isfinite(found).all():
+            coefficients[list(columns)] = found
+        told = _round(log, segment_id, coefficients, known, rows, columns)
+    return told
+
+
+def _round(
+    log: _Log,
+    segment_id: Ints,
+    coefficients: Floats,
+    known: Prior,
+    rows: slice,
+    columns: tuple[int, ...],
+) -> _Told:
+    """One fit, with the terms of a machine of these coefficients (6,)."""
     where = np.flatnonzero(segment_id >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
-    of = np.ascontiguousarray(segment_id[part])
-    coefficients, of_columns = start.copy(), np.array(columns)
+    of_columns = np.array(columns)
+    drive = drive_of(log.plane, log.excitation, log.machine, coefficients)
+    terms = terms_of(drive, "xz"[rows])
+    names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
+    width = {term.name: std for term, std in terms if term.name not in known.names}
     noise = plane_noise(log.plane, segment_id >= 0)[rows][:, of_columns]
-    for _ in range(_ROUNDS):
-        drive = drive_of(log.plane, log.excitation, log.machine, coefficients)
-        terms = [each for each in terms_of(drive, letters)]
-        names = (*(PARAMETERS[n] for n in columns), *(term.name for term, _ in terms))
-        width = {term.name: std for term, std in terms if term.name not in known.names}
-        here = _of_rows(known, rows, names).and_also(
-            Prior.about_zero(width, len(range(2)[rows]))
-        )
-        regressor = Regressor.of(drive.cut(part), of_columns, [term for term, _ in terms], rows)
-        fitted = base_parameters.fit(
-            regressor,
-            log.plane.f[part, rows],
-            names,
-            of,
-            here,
-            np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
-            regressor.loading,
-        )
-        if np.isfinite(fitted.coefficients).all():
-            coefficients[of_columns] = fitted.coefficients[: of_columns.size]
-    return _Told(fitted, here.names)
+    prior = _of_rows(known, rows, names).and_also(Prior.about_zero(width, noise.shape[0]))
+    regressor = Regressor.of(drive.cut(part), of_columns, [term for term, _ in terms], rows)
+    fitted = base_parameters.fit(
+        regressor,
+        log.plane.f[part, rows],
+        names,
+        np.ascontiguousarray(segment_id[part]),
+        prior,
+        np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
+        regressor.loading,
+    )
+    return _Told(fitted, prior.names)
 
 
 def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:

@@ -16,7 +16,7 @@ from analysis.machine import Machine
 from analysis.settings import PriorSettings
 from analysis.turning.drive import Drive, Motion
 from analysis.uncertainty import IMU_POSITION, SCALES, Scale, turned_by_sides
-from analysis.weighing.nuisances import const_width, direction_width
+from analysis.weighing.nuisances import constant_force_std, coulomb_std
 from estimators.estimate import Floats
 
 #: Column of the force and of the yaw torque; None: nothing.
@@ -60,6 +60,7 @@ def measures_force(machine: Machine) -> bool:
 
 
 def measures_sideways(machine: Machine) -> bool:
+    """Whether it tells likewise what pushes sideways."""
     return measures_force(machine) and "specific_force_y_m_s2" in machine.channels
 
 
@@ -93,12 +94,12 @@ def _slip(m: Motion) -> Columns:
 
 def _gyro_bias(m: Motion) -> Columns:
     sideways = 0.0 if measures_sideways(m.drive.machine) else m.drive.moment_x_kg_m
-    return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.friction_z_N_m_s
+    return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
 
 
 def _gyro_gain(d: Drive) -> Mixture:
     sideways = 0.0 if measures_sideways(d.machine) else d.moment_x_kg_m
-    turned = {_INERTIA: d.inertia_z_kg_m2, _FRICTION_Z: d.friction_z_N_m_s, _MOMENT_X: sideways}
+    turned = {_INERTIA: d.inertia_z_kg_m2, _FRICTION_Z: d.turning_friction, _MOMENT_X: sideways}
     return {_MOMENT_X: 2.0 * d.moment_x_kg_m, _MOMENT_Y: d.moment_y_kg_m}, turned
 
 
@@ -110,6 +111,11 @@ def _acc_gain(d: Drive) -> Mixture:
 def _square(m: Motion, moment_kg_m: float) -> Columns:
     """The yaw torque of an acceleration ω² a metre, which the six columns do not have."""
     return None, moment_kg_m * m.yaw_rate**2
+
+
+def _lateral_arm(d: Drive) -> Mixture:
+    # the sideways force, in proportion to the mass: m s_y + mc_x ω̇
+    return {}, {_MOMENT_X: d.mass_kg, _INERTIA: d.moment_x_kg_m}
 
 
 def _imu_x(d: Drive) -> Mixture:
@@ -130,7 +136,7 @@ TERMS: Final = (
     Term(
         "const",
         lambda m: (m.one, None),
-        const_width,
+        lambda d, s: constant_force_std(d.largest_force, d.weight, s),
         "a constant force: offset of the force, tilt or bias of the accelerometer",
         "starts in both directions, or at different throttles",
         "x",
@@ -138,7 +144,7 @@ TERMS: Final = (
     Term(
         "direction",
         lambda m: (m.direction_x, None),
-        direction_width,
+        lambda d, s: coulomb_std(d.largest_force, d.weight, s),
         "Coulomb friction and rolling resistance",
         "driving both ways, and starts at different throttles",
         "x",
@@ -197,6 +203,31 @@ TERMS: Final = (
         "friction of turning that is not in proportion to the yaw rate",
         "spins at different throttles",
         "z",
+    ),
+    Term(
+        "turning_sideways",
+        lambda m: (None, m.yaw_rate * m.acc_y**2),
+        lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_acc_y**2),
+        "tyres that slide sideways already, and resist turning less",
+        "spins in place beside what turns under way",
+        "z",
+    ),
+    Term(
+        "turning_under_way",
+        lambda m: (None, m.yaw_rate * np.abs(m.speed)),
+        lambda d, s: s.scrub_share * d.largest_torque / (d.largest_yaw_rate * d.largest_speed),
+        "friction of turning under way, beside that of a spin in place",
+        "spins in place beside what turns under way",
+        "z",
+    ),
+    Term(
+        "lateral_arm",
+        lambda _: (None, None),
+        lambda _, s: s.lateral_arm_m,
+        "where the ground's sideways force acts, ahead of the origin",
+        "an accelerometer whose place is known: the force then tells the centre of mass alone",
+        "z",
+        mixture=_lateral_arm,
     ),
     Term(
         "turning_drift",
@@ -300,9 +331,7 @@ TERMS: Final = (
     ),
     Term(
         f"{IMU_POSITION.name}_y",
-        lambda m: _square(
-            m, m.drive.moment_x_kg_m if measures_sideways(m.drive.machine) else 0.0
-        ),
+        lambda m: _square(m, m.drive.moment_x_kg_m if measures_sideways(m.drive.machine) else 0.0),
         _imu_width,
         f"{IMU_POSITION.meaning}, to the left",
         IMU_POSITION.remedy,

@@ -40,14 +40,13 @@ class TurnFault(NamedTuple):
         rolling_1: and rolling resistance.
         slope_deg: largest slope of the ground.
         kinematic: acceleration from the wheels.
-        two_throttles: whether spins have two throttles and there are arcs and waves.
     """
 
     imu_m: float = 0.005
     gain_1: float = 0.002
     track_1: float = 0.001
     turning_N_m: float = 0.0
-    grip_1: float = 0.05
+    grip_1: float = 0.15
     gyro_rad_s: float = 0.0
     gyro_1: float = 0.0
     slip_1: float = 0.0
@@ -72,13 +71,12 @@ FAULTS: Final[Mapping[str, TurnFault]] = {
     "rolling and Coulomb": TurnFault(coulomb_1=0.01, rolling_1=0.02),
     "slope": TurnFault(slope_deg=2.0),
     "slope, wheels alone": TurnFault(slope_deg=0.7, kinematic=True),
-    "tyres that scrub": TurnFault(grip_1=0.25),
+    "tyres that scrub": TurnFault(grip_1=0.4),
     "all": TurnFault(
         imu_m=0.05,
         gain_1=0.02,
         track_1=0.01,
         turning_N_m=500.0,
-        grip_1=0.1,
         gyro_rad_s=0.003,
         gyro_1=0.003,
         slip_1=0.05,
@@ -141,14 +139,14 @@ def turn_log(fault: TurnFault, seed: int, *, stated: bool = True) -> TurnLog:
     truth = TurnTruth(
         machine.mass_kg, machine.inertia_origin_kg_m2, machine.com_x_m, machine.com_y_m
     )
-    return TurnLog(topics, _file(body, radius_m, kinematic=fault.kinematic), truth)
+    return TurnLog(topics, _file(body, kinematic=fault.kinematic), truth)
 
 
 def _machine(dice: np.random.Generator, fault: TurnFault) -> Turner:
     mass_kg = float(np.exp(dice.uniform(*np.log([1200.0, 8000.0]))))
     size_m = (mass_kg / 3600.0) ** (1.0 / 3.0)
     half_base_m, half_track_m = 0.55 * size_m, 0.75 * size_m
-    com_x_m = float(dice.uniform(-0.35, 0.35)) * half_base_m
+    com_x_m = float(dice.uniform(-0.3, 0.3)) * half_base_m
     # Coulomb friction of turning is stated for a machine of 3.6 t
     times = mass_kg / 3600.0 * size_m
     weight_N = mass_kg * GRAVITY_M_S2
@@ -165,7 +163,7 @@ def _machine(dice: np.random.Generator, fault: TurnFault) -> Turner:
         rolling_1=fault.rolling_1 * float(dice.uniform()),
         turning_N_m=fault.turning_N_m * times * float(dice.uniform()),
         turning_N_m_s=mass_kg * size_m**2 * float(dice.uniform(0.2, 0.5)),
-        grip_1=fault.grip_1 * float(dice.uniform(0.3, 1.0)),
+        grip_1=fault.grip_1 * float(dice.uniform(0.5, 1.0)),
         grip_m_s=float(dice.uniform(0.3, 1.0)),
         warming_1=float(dice.uniform(0.0, 0.05)),
         slope_rad=float(np.deg2rad(fault.slope_deg * dice.uniform())),
@@ -258,7 +256,6 @@ def _measured(
     t_s = times()
     x_m, y_m = place_m + dice.normal(0.0, fault.imu_m, 2)
     rate, rising = at("yaw_rate_rad_s", t_s), at("yaw_acc_rad_s2", t_s)
-    # where the file has no accelerometer, it sees nothing
     bias = dice.normal(0.0, fault.bias_m_s2, 2)
     bias = bias + GRAVITY_M_S2 * np.sin(np.deg2rad(dice.normal(0.0, fault.tilt_deg, 2)))
     x = at("acc_x_m_s2", t_s) - rate**2 * x_m - rising * y_m + bias[0]
@@ -274,7 +271,7 @@ def _measured(
     return topics
 
 
-def _file(body: dict[str, Any], radius_m: float, *, kinematic: bool) -> dict[str, Any]:
+def _file(body: dict[str, Any], *, kinematic: bool) -> dict[str, Any]:
     """The machine file."""
     channels: dict[str, Any] = {}
     for side in ("left", "right"):

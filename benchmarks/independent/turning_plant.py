@@ -150,7 +150,7 @@ def _turned(m: Turner, legs: NDArray[Any], lag_s: float, out: Floats) -> None:
     row, total = 0, out.shape[1]
     for number in range(legs.size):
         leg = legs[number]
-        for step in range(int(round(leg.duration_s / STEP_S))):
+        for step in range(round(leg.duration_s / STEP_S)):
             ask_N, ask_N_m = _asked(m, leg, step * STEP_S, u, w)
             force += (ask_N - force) * STEP_S / lag_s
             torque += (ask_N_m - torque) * STEP_S / lag_s
