@@ -27,6 +27,8 @@ LEAST_RESIDUAL = 1e-9
 SETTLED = 1e-3
 #: … or after so many rounds.
 MOST_ROUNDS = 30
+#: Residuals of a fit with priors keep at least this share of their number.
+LEAST_FREEDOM = 0.1
 #: Noise is at most this share of a column's sum of squares: its size is known to a tenth or so.
 MOST_NOISE = 0.9
 
@@ -395,6 +397,9 @@ def _covariance(
     plain = bread @ white @ bread
     samples = float(fitted.samples * k)
     freedom = samples - float(fitted.lasting.max()) * float(np.trace(bread @ B))
+    if q:
+        # what a prior holds is not lost, however few independent residuals there are
+        freedom = max(freedom, LEAST_FREEDOM * samples)
     if not freedom > 0.5:
         return np.full((r, r), np.nan)
     variance = np.maximum(

@@ -22,7 +22,8 @@ _AT = {name: number for number, name in enumerate(PARAMETERS)}
 class Motion(NamedTuple):
     """A slice of samples, (m,) each, and the drive that they are of.
 
-    Force and torque are those of the model: the noise of measured ones would explain itself.
+    Force and torque without a word are those of the model: the noise of measured ones would
+    explain itself.
     """
 
     acc_x: Floats
@@ -30,6 +31,8 @@ class Motion(NamedTuple):
     speed: Floats
     yaw_rate: Floats
     yaw_acc: Floats
+    measured_force: Floats
+    measured_torque: Floats
     force: Floats
     torque: Floats
     force_rate: Floats
@@ -126,6 +129,7 @@ class Drive:
             moved.speed[part],
             moved.yaw_rate[part],
             moved.yaw_acceleration[part],
+            *self.plane.f[part].T,
             *self.of_samples[:, part],
             one=np.ones(moved.speed[part].size),
             drive=self,

@@ -256,7 +256,11 @@ TERMS: Final = (
     ),
     Term(
         "side_gain",
-        lambda m: (m.torque / m.drive.half_track_m, m.force * m.drive.half_track_m),
+        # of the other row's noise, which two sides of equal sensors do not share
+        lambda m: (
+            m.measured_torque / m.drive.half_track_m,
+            m.measured_force * m.drive.half_track_m,
+        ),
         lambda d, _: _GAIN.u(d.machine) or 0.0,
         "gains of the two sides' torques that differ from each other",
         _GAIN.remedy,

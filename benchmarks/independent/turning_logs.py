@@ -114,7 +114,8 @@ def turn_log(fault: TurnFault, seed: int, *, stated: bool = True) -> TurnLog:
         seed: of everything that is drawn.
         stated: whether the machine file states its uncertainties.
     """
-    dice = np.random.default_rng([seed, 25_003])
+    number = list(FAULTS.values()).index(fault)
+    dice = np.random.default_rng([seed, number, 25_003])
     machine = _machine(dice, fault)
     force_N = machine.mass_kg * float(dice.uniform(1.3, 2.2))
     seen = turn(machine, _legs(dice, machine, force_N), float(dice.uniform(0.05, 0.2)))
