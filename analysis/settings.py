@@ -255,7 +255,7 @@ class PriorSettings(BaseModel):
         "sideways, as a share of the yaw torque",
     )
     lateral_arm_m: float = Field(
-        0.1,
+        0.3,
         gt=0,
         description="prior of how far ahead of the origin the ground's sideways force acts",
     )
