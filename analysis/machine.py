@@ -35,7 +35,7 @@ class ImuMounting(BaseModel):
     pitch_deg: float = 0.0
     yaw_deg: float = 0.0
     position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    position_u_m: float | None = Field(None, ge=0)
+    position_u_m: float | None = Field(default=None, ge=0)
 
 
 class Body(BaseModel):
