@@ -8,6 +8,7 @@ import polars as pl
 
 from analysis.check import Verdict
 from analysis.fingerprint import Fingerprint
+from analysis.regressor import Z
 from analysis.run import Loss, Run
 from analysis.windows import samples_of
 
@@ -15,6 +16,8 @@ from analysis.windows import samples_of
 JOINT: Final = "joint"
 #: Columns of `masses` that say how a row came about rather than what it says.
 _ABOUT: Final = ("method", "rows", "rows_z", "withheld", "withheld_z")
+#: What the fit of all motion together has of the joint answer.
+_OF_SPINS: Final = tuple(name for pair in Z.parameters for name in pair)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +49,19 @@ class AnswerRow:
         return any(value is not None for value in self.quantities.get(quantity, {}).values())
 
     @classmethod
-    def of(cls, masses: pl.DataFrame, load: Mapping[str, Any] | None = None) -> "AnswerRow":
-        """Read the frame `masses`, and a row of `loads` as the method `joint` before them."""
+    def of(
+        cls,
+        masses: pl.DataFrame,
+        load: Mapping[str, Any] | None = None,
+        motion: Mapping[str, Any] | None = None,
+    ) -> "AnswerRow":
+        """Read the frame `masses`, and the answer as the method `joint` before them.
+
+        Args:
+            masses: by method.
+            load: the row of `loads` where there is one.
+            motion: of `planar`, the fit of all motion together: its inertia is the answer's.
+        """
         rows = {row["method"]: row for row in masses.to_dicts()}
         if load is not None:
             joint = dict.fromkeys(masses.columns) | {
@@ -59,6 +73,8 @@ class AnswerRow:
                 "rows": load["manoeuvres"],
                 "withheld": load["withheld"],
             }
+            if motion is not None:
+                joint |= {name: motion[name] for name in _OF_SPINS if name in joint}
             rows = {JOINT: joint, **rows}
         return cls(
             {
@@ -81,6 +97,7 @@ class Answer:
         nuisances: what the fit allows besides mass and friction: prior and posterior.
         budget: where the uncertainty comes from, the largest first.
         planar: the arc and joint fits, as the frame has them.
+        planar_budget: where the uncertainty of the joint one comes from, the largest first.
         accepted_share: share of the samples that lie in an accepted window.
         verdict: whether the log can weigh, check by check.
         losses: what was recorded and is missing.
@@ -101,6 +118,7 @@ class Answer:
     notes: tuple[str, ...] = ()
     fingerprint: Fingerprint | None = None
     recording: str | None = None
+    planar_budget: Sequence[Mapping[str, Any]] = ()
     shift: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     def to_dict(self) -> dict[str, Any]:
@@ -114,6 +132,7 @@ class Answer:
             "nuisances": [dict(row) for row in self.nuisances],
             "budget": [dict(row) for row in self.budget],
             "planar": [dict(row) for row in self.planar],
+            "planar_budget": [dict(row) for row in self.planar_budget],
             **({"shift": dict(self.shift)} if self.shift else {}),
             "accepted_share": self.accepted_share,
             "verdict": self.verdict.to_dict(),
@@ -137,12 +156,15 @@ def answer(run: Run, recording: str | None = None) -> Answer:
     loads = _rows(run, "loads")
     shift = _rows(run, "shift")
     one = loads[0] if len(loads) == 1 else None
+    planar = _rows(run, "planar")
+    motion = next((row for row in planar if row["kind"] == "joint"), None)
     return Answer(
-        rows=() if masses is None else (AnswerRow.of(masses, one),),
+        rows=() if masses is None else (AnswerRow.of(masses, one, motion),),
         loads=loads,
         nuisances=_rows(run, "nuisances"),
         budget=_rows(run, "budget"),
-        planar=_rows(run, "planar"),
+        planar=planar,
+        planar_budget=_rows(run, "planar_budget"),
         shift=shift[0] if shift and shift[0]["cycles_counted"] else {},
         accepted_share=share,
         verdict=Verdict() if judged is None else Verdict.of(judged),

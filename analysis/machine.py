@@ -24,7 +24,10 @@ def _known_timezone(name: str) -> str:
 
 
 class ImuMounting(BaseModel):
-    """How the IMU sits on the machine: roll, pitch, yaw (intrinsic z-y'-x''), and where."""
+    """How the IMU sits on the machine: roll, pitch, yaw (intrinsic z-y'-x''), and where.
+
+    The standard uncertainty of its place is that of each direction.
+    """
 
     model_config = _FORBID
 
@@ -32,6 +35,7 @@ class ImuMounting(BaseModel):
     pitch_deg: float = 0.0
     yaw_deg: float = 0.0
     position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    position_u_m: float | None = Field(default=None, ge=0)
 
 
 class Body(BaseModel):

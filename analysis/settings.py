@@ -242,6 +242,27 @@ class PriorSettings(BaseModel):
         gt=0,
         description="prior of the change of the measured wheels' share with acceleration",
     )
+    scrub_arm_m: float = Field(
+        0.03,
+        gt=0,
+        description="prior of Coulomb friction of turning, as a torque over the machine's weight; "
+        "tyres that scrub. `direction_share` of the yaw torque is added in quadrature",
+    )
+    scrub_share: float = Field(
+        0.1,
+        gt=0,
+        description="prior of what friction of turning changes by under way and as tyres slide "
+        "sideways, as a share of the yaw torque",
+    )
+    lateral_arm_m: float = Field(
+        0.3,
+        gt=0,
+        description="prior of how far ahead of the origin the ground's sideways force acts",
+    )
+    yaw_rate_bias_rad_s: float = Field(
+        0.005, gt=0, description="prior of the gyroscope's bias while the machine turns"
+    )
+    yaw_rate_gain: float = Field(0.005, gt=0, description="prior of the gyroscope's gain less 1")
     learnt: dict[LearnableTerm, LearntTerm] = Field(
         {},
         description="priors that a calibration learnt, instead: a table of `mean`, `std`, `mean_u` "

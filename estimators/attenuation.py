@@ -18,19 +18,22 @@ from estimators.ls import solve_windows
 DOUBT = 0.5
 
 
-def attenuation(G: Floats, theta: Floats, added: Floats) -> Floats:
-    """(AᵀA - N)⁻¹ N θ, column by column of the noise.
+def attenuation(G: Floats, theta: Floats, added: Floats, loading: Floats | None = None) -> Floats:
+    """(AᵀA - N)⁻¹ N θ, source by source of the noise.
 
     Args:
         G: (p, p) AᵀA as measured.
         theta: (p,) its least-squares solution.
-        added: (p,) the diagonal of N.
+        added: (s,) n·σ² of the sources.
+        loading: (p, s) what each column has of each source, N = L diag(added) Lᵀ; None where each
+            column has its own.
 
     Returns:
-        (p, p): row i holds what the noise of each column draws θ_i by; their sum is to be added.
+        (p, s): row i holds what each source draws θ_i by; their sum is to be added.
         NaN where the columns are no more than their noise.
     """
-    return inverse_spd(G - np.diag(added)) * (added * theta)
+    L = np.eye(theta.size) if loading is None else loading
+    return inverse_spd(G - L * added @ L.T) @ (L * (added * (L.T @ theta)))
 
 
 def window_attenuations(

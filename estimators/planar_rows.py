@@ -132,7 +132,6 @@ class PlanarRegressor:
 
     Attributes:
         specific_force_x: (n,) and so on, as `regressor` takes them.
-        rows: 2, or 1 for the row of the force alone.
     """
 
     specific_force_x: Floats
@@ -140,7 +139,6 @@ class PlanarRegressor:
     speed: Floats
     yaw_rate: Floats
     yaw_acceleration: Floats
-    rows: int = 2
 
     @property
     def _channels(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
@@ -155,15 +153,15 @@ class PlanarRegressor:
     @property
     def shape(self) -> tuple[int, int, int]:
         """Of the regressor."""
-        return self.speed.size, self.rows, len(PARAMETERS)
+        return self.speed.size, len(ROWS), len(PARAMETERS)
 
     def __getitem__(self, part: slice) -> Floats:
-        """The regressor of a slice of samples, (m, rows, 6)."""
-        return regressor(*(x[part] for x in self._channels))[:, : self.rows]
+        """The regressor of a slice of samples, (m, 2, 6)."""
+        return regressor(*(x[part] for x in self._channels))
 
     def cut(self, part: slice) -> "PlanarRegressor":
         """A slice of the samples, which shares their memory."""
-        return PlanarRegressor(*(x[part] for x in self._channels), rows=self.rows)
+        return PlanarRegressor(*(x[part] for x in self._channels))
 
     def known(self) -> Bools:
         """(n,) the samples of which no channel is missing."""

@@ -4,8 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analysis.run import Run
-from recordings.wording import number, plus_minus, table
+from recordings.wording import number, plus_minus, scale_unknown_line, table
 
+#: Of the variance.
+_SMALL = 0.005
 _OF = {"arcs": "all arcs together", "joint": "all motion together"}
 _NAMES = {
     "mass": ("mass_kg", "mass_std_kg", "kg"),
@@ -15,10 +17,50 @@ _NAMES = {
 }
 
 
-def planar_lines(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A line for each fit over more than one arc, or for the arc where there is only one."""
-    whole = [row for row in rows if row["kind"] in _OF]
-    return [_line(row) for row in whole or rows]
+#: Of what the budget is said in a line each: quantity, words, factor and unit.
+_SAID = {
+    "inertia_z_kg_m2": ("the yaw inertia", 1.0, "kg·m²"),
+    "com_x_m": ("the centre of mass ahead", 1e3, "mm"),
+}
+
+
+def planar_lines(
+    rows: Sequence[Mapping[str, Any]], budget: Sequence[Mapping[str, Any]] = ()
+) -> list[str]:
+    """A line for each fit over more than one arc, or for the arc where there is only one.
+
+    And what their uncertainty is made of, and lacks.
+    """
+    whole = [row for row in rows if row["kind"] in _OF] or list(rows)
+    return [_line(row) for row in whole] + _largest(budget) + _unknown(whole)
+
+
+def _largest(budget: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The largest part of what is known of each uncertainty."""
+    lines: list[str] = []
+    for quantity, (words, factor, unit) in _SAID.items():
+        known = [row for row in budget if row["quantity"] == quantity and row["u"]]
+        if known:
+            most = known[0]
+            lines.append(
+                f"the largest part of the ± of {words} is {most['cause']} "
+                f"({factor * most['u']:.2g} {unit}: {most['meaning']}); it would shrink with: "
+                f"{most['shrinks']}"
+            )
+    return lines
+
+
+def _unknown(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What the machine file should state; a recording of an earlier version does not say."""
+    lines: list[str] = []
+    for column, of in (
+        ("scale_unknown", "yaw inertia and first moments"),
+        ("com_scale_unknown", "the centre of mass"),
+    ):
+        names = (n for row in rows for n in (row.get(column) or "").split(", ") if n)
+        if missing := ", ".join(dict.fromkeys(names)):
+            lines.append(scale_unknown_line(missing, of))
+    return lines
 
 
 def planar(run: Run) -> str:
@@ -41,7 +83,25 @@ def planar(run: Run) -> str:
     head = ("of", "s", "m/s", "rad/s", "ahead (m)", "to the left (m)", "outcome")
     parts = ["# Centre of mass", table(head, cells)]
     whole = [row for row in rows if row["kind"] in _OF]
+    parts += [f"- {line}" for line in _unknown(rows)]
     parts += [f"**{_OF[row['kind']].capitalize()}**: {_determined(row)}" for row in whole]
+    if "planar_budget" in run.frames and not run.frames["planar_budget"].is_empty():
+        sources = run.frames["planar_budget"].to_dicts()
+        heads = ("of", "uncertainty from", "kind", "u", "unit", "shrinks with")
+        cells = [
+            (
+                row["quantity"],
+                row["cause"],
+                row["kind"],
+                "not known" if row["u"] is None else row["u"],
+                row["unit"],
+                row["shrinks"],
+            )
+            for row in sources
+            # smaller shares of the variance are not listed
+            if row["share_1"] is None or row["share_1"] >= _SMALL
+        ]
+        parts += ["## Where their uncertainty comes from", table(heads, cells)]
     return "\n\n".join(parts)
 
 

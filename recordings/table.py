@@ -373,7 +373,8 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "inertia_z_kg_m2 inertia_z_std_kg_m2 friction_z_N_m_s friction_z_std_N_m_s "
             "first_moment_x_kg_m first_moment_x_std_kg_m "
             "first_moment_y_kg_m first_moment_y_std_kg_m residual_rms_N residual_rms_N_m "
-            "condition_1 r_squared_x_1 r_squared_z_1 rank identifiable combinations withheld"
+            "condition_1 r_squared_x_1 r_squared_z_1 rank identifiable combinations "
+            "scale_unknown com_scale_unknown withheld"
         ),
         "masses": (
             "method mass_kg mass_std_kg friction_x_N_s_m friction_x_std_N_s_m "
@@ -409,6 +410,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "total_kg total_u_kg duration_s gap_s idle_s utilisation_1"
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
+        "planar_budget": "quantity cause kind u unit share_1 meaning shrinks",
         "verdict": "check about value minimum maximum passed consequence remedy meaning",
         "findings": (
             "rank severity channel start_t_ns end_t_ns strength_1 evidence "

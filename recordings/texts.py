@@ -127,7 +127,7 @@ def summary(run: Run) -> str:
             inertia = row.value(_INERTIA[0], method)
             turns = f", yaw inertia {_of(row, method, *_INERTIA)} kg·m²" if inertia else ""
             lines.append(f"{method:<8} {mass}{turns}")
-    lines += planar_lines(said.planar)
+    lines += planar_lines(said.planar, said.planar_budget)
     for each in findings_of(run)[:_FOUND]:
         lines.append(f"finding  {each.rank}. {finding_line(each)}")
     quiet: dict[str, list[str]] = {"passed": [], "n/a": []}
@@ -171,7 +171,7 @@ def answer_text(run: Run) -> str:
         parts.append("The paper's methods give one mass a log, and are not shown.")
     else:
         parts += [each for row in said.rows for each in _masses(row)]
-    if lines := planar_lines(said.planar):
+    if lines := planar_lines(said.planar, said.planar_budget):
         parts.append("\n".join(f"- {line}" for line in lines))
     parts += _verdict(said.verdict) + _accepted(run)
     parts += [f"- {note}" for note in said.notes]

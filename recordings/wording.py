@@ -44,6 +44,20 @@ def plus_minus(value: float | None, std: float | None) -> str:
     return f"{value:.{places}f} ± {std:.{places}f}"
 
 
+def scale_unknown_line(names: str, of: str = "") -> str:
+    """What the machine file should state of an answer's scale and does not.
+
+    Args:
+        names: of the sources, as frames have them.
+        of: what the answer is, where it is not the mass.
+    """
+    whose = f" of {of}" if of else ""
+    return (
+        f"scale not known: the machine file gives no uncertainty of {names}, "
+        f"so none is in the ±{whose}"
+    )
+
+
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A Markdown table, or "none"."""
     body = [

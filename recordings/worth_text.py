@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from analysis.answer import Answer
 from estimators.errors import counted
-from recordings.wording import number, plus_minus
+from recordings.wording import number, plus_minus, scale_unknown_line
 
 #: Characters of the longest bar.
 _BAR: Final = 24
@@ -109,10 +109,7 @@ def _notes(load: Mapping[str, Any]) -> list[str]:
     """What holds for every load of the log."""
     lines = [load["said"]] if load.get("said") else []
     if load["scale_unknown"]:
-        lines.append(
-            f"scale not known: the machine file gives no uncertainty of {load['scale_unknown']}, "
-            "so none is in the ±"
-        )
+        lines.append(scale_unknown_line(load["scale_unknown"]))
     if load["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")
     return lines

@@ -21,12 +21,12 @@ from analysis.gate import gate
 from analysis.machine import Machine
 from analysis.masses import masses, withhold
 from analysis.obstacles import obstacles
-from analysis.planar import planar
 from analysis.run import Loss, Run
 from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
+from analysis.turning.planar import planar
 from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
@@ -89,7 +89,9 @@ def run(
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _causes(seen, raw, machine)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
-    plane = planar(excitation, seen.frames["gate"], opinion, machine.settings, seen.frames["noise"])
+    plane, plane_budget = planar(
+        excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
+    )
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
     answer = {
         "loads": loads(weighing, excitation, machine, opinion),
@@ -102,6 +104,7 @@ def run(
             **named_by_topic(raw),
             **seen.frames,
             "planar": plane,
+            "planar_budget": plane_budget,
             **answer,
             "cycles": hauled,
             "shift": shift(hauled, excitation, seen.frames["aligned"]),

@@ -21,6 +21,7 @@ ORDER = (
     ("estimators",),
     ("analysis",),
     ("analysis/simulation", "analysis/weighing"),
+    ("analysis/turning",),
     ("analysis/diagnosis",),
     ("analysis/findings",),
     ("analysis/explaining",),

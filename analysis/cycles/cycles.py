@@ -19,7 +19,8 @@ from analysis.cycles.passes import NO_PASSES, Passes, passes
 from analysis.cycles.witnessed import digging_contradicts, with_witnessed
 from analysis.machine import Machine
 from analysis.schema import FRAMES, build
-from analysis.weighing.budget import budget, combined
+from analysis.uncertainty import combined
+from analysis.weighing.budget import budget
 from analysis.weighing.weigh import Weighing
 
 Floats = NDArray[np.float64]

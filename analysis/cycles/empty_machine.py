@@ -10,7 +10,8 @@ import numpy as np
 
 from analysis.cycles.passes import Passes
 from analysis.machine import Machine
-from analysis.weighing.budget import budget, combined, unknown_scale
+from analysis.uncertainty import combined, unknown_scale
+from analysis.weighing.budget import budget
 from analysis.weighing.equation import Floats
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.weigh import Weighing

@@ -9,7 +9,8 @@ from analysis.diagnosis.disagreement import disagreements
 from analysis.diagnosis.evidence import Evidence, Motion
 from analysis.diagnosis.row import CheckRow
 from analysis.schema import values
-from analysis.weighing.budget import budget, combined
+from analysis.uncertainty import combined
+from analysis.weighing.budget import budget
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.weigh import Weighing
 

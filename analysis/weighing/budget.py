@@ -1,12 +1,12 @@
 """What the mass' uncertainty is made of: the fit's parts, and what no log can tell (its scale)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from analysis.machine import Machine
+from analysis.uncertainty import SCALES, UncertaintySource, largest_first
 from analysis.weighing.equation import Floats
 from analysis.weighing.ground import SOURCE
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
@@ -14,25 +14,6 @@ from analysis.weighing.weigh import Weighing
 
 #: The answer leans on its priors when doubling them moves it by so many of its deviations.
 _LEANS: Final = 1.5
-
-
-@dataclass(frozen=True, slots=True)
-class UncertaintySource:
-    """Where uncertainty comes from.
-
-    Attributes:
-        name: of the source.
-        kind: random (more starts average it out), common (to the log) or scale (no log tells it).
-        u_kg: standard uncertainty of the mass; None where it is not known.
-        meaning: what it is.
-        shrinks: what would shrink it.
-    """
-
-    name: str
-    kind: str
-    u_kg: float | None
-    meaning: str
-    shrinks: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,71 +103,6 @@ _PARTS: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Scale:
-    """A factor of the force that the machine file states.
-
-    Attributes:
-        name: of the source.
-        applies: whether the machine has it.
-        relative: its relative standard uncertainty; None where the machine file does not say.
-        setting: the key that says it.
-        meaning: what it is.
-        by_load: whether the factor changes with the load: then the uncertainty is that of a load as
-            heavy as the machine.
-    """
-
-    name: str
-    applies: Callable[[Machine], bool]
-    relative: Callable[[Machine], float | None]
-    setting: str
-    meaning: str
-    by_load: bool = False
-
-
-def _by_torque(machine: Machine) -> bool:
-    return "force_x_N" not in machine.channels
-
-
-def _radius(machine: Machine) -> float | None:
-    body = machine.machine
-    if body.wheel_radius_u_m is None or body.wheel_radius_m is None:
-        return None
-    return body.wheel_radius_u_m / body.wheel_radius_m
-
-
-def _share(machine: Machine) -> float | None:
-    body = machine.machine
-    return None if body.force_share_u is None else body.force_share_u / body.force_share
-
-
-_SCALES: Final = (
-    _Scale(
-        "force_gain",
-        lambda _: True,
-        lambda machine: machine.machine.force_gain_u,
-        "machine.force_gain_u",
-        "gain of the force or torque sensors",
-    ),
-    _Scale(
-        "force_share",
-        lambda machine: machine.machine.force_share < 1.0,
-        _share,
-        "machine.force_share_u",
-        "share of the force on the measured wheels",
-    ),
-    _Scale(
-        "force_share_by_load",
-        lambda machine: machine.machine.force_share < 1.0,
-        lambda machine: machine.machine.force_share_by_load_u,
-        "machine.force_share_by_load_u",
-        "change of the measured wheels' share with the load that they carry",
-        by_load=True,
-    ),
-    _Scale("wheel_radius", _by_torque, _radius, "machine.wheel_radius_u_m", "radius of the wheels"),
-)
-
-
 def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[UncertaintySource]:
     """Every source of uncertainty of a sum of masses, the largest first, the unknown ones last.
 
@@ -212,20 +128,10 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
         elif u_kg > 0.0:
             part = _PARTS[name]
             sources.append(UncertaintySource(name, part.kind, u_kg, part.meaning, part.shrinks))
-    for scale in _SCALES:
+    for scale in SCALES:
         if scale.applies(machine):
-            relative = scale.relative(machine)
-            sources.append(
-                UncertaintySource(
-                    scale.name,
-                    "scale",
-                    None
-                    if relative is None
-                    else relative * (loaded_kg if scale.by_load else sum_kg),
-                    scale.meaning,
-                    f"known loads; {scale.setting} states what is known",
-                )
-            )
+            relative, of_kg = scale.u(machine), loaded_kg if scale.by_load else sum_kg
+            sources.append(scale.source(None if relative is None else relative * of_kg))
     # of a difference it cancels
     rotating_u_kg = body.rotating_mass_u_kg * abs(float(weights.sum()))
     if rotating_u_kg:
@@ -238,7 +144,7 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
                 "known loads, or the drawings of the driveline",
             )
         )
-    return sorted(sources, key=lambda source: np.inf if source.u_kg is None else -source.u_kg)
+    return largest_first(sources)
 
 
 def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
@@ -264,15 +170,3 @@ def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> 
     if leans_kg > _LEANS * root_sum_of_squares(parts_kg):
         found["priors"] = leans_kg
     return found
-
-
-def unknown_scale(sources: list[UncertaintySource]) -> list[str]:
-    """The sources that the machine file should state and does not."""
-    return [source.name for source in sources if source.u_kg is None]
-
-
-def combined(sources: list[UncertaintySource], *kinds: str) -> float:
-    """The root sum of squares of the sources of some kinds, or of all, in kg."""
-    return float(
-        np.sqrt(sum(s.u_kg**2 for s in sources if s.u_kg and (not kinds or s.kind in kinds)))
-    )

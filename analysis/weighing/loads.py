@@ -8,7 +8,8 @@ import polars as pl
 from analysis.check import Verdict
 from analysis.machine import Machine
 from analysis.schema import CALIBRATED, FRAMES, build
-from analysis.weighing.budget import budget, combined, unknown_scale
+from analysis.uncertainty import combined, unknown_scale
+from analysis.weighing.budget import budget
 from analysis.weighing.equation import Floats, Ints
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.kinematics import TERMS
@@ -374,7 +375,7 @@ def budget_frame(weighing: Weighing | None, machine: Machine) -> pl.DataFrame:
 def _sources(weighing: Weighing, machine: Machine, state: int) -> pl.DataFrame:
     sources = budget(weighing, machine, weighing.fit.weights(state))
     total = combined(sources)
-    u_kg = np.array([np.nan if source.u_kg is None else source.u_kg for source in sources])
+    u_kg = np.array([np.nan if source.u is None else source.u for source in sources])
     return pl.DataFrame(
         {
             "load_id": np.full(u_kg.size, state),

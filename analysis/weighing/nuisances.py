@@ -109,23 +109,26 @@ class Nuisance:
     source: str = ""
 
 
+def constant_force_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
+    """Standard deviation of a constant force by the force that drives and the weight, in N."""
+    return float(np.hypot(priors.const_share * largest_N, priors.const_weight_share * weight_N))
+
+
+def coulomb_std(largest_N: float, weight_N: float, priors: PriorSettings) -> float:
+    """Standard deviation of Coulomb friction and rolling resistance likewise, in N."""
+    return float(
+        np.hypot(priors.direction_share * largest_N, priors.direction_weight_share * weight_N)
+    )
+
+
 def const_width(motion: Equation, priors: PriorSettings) -> float:
     """Standard deviation of the constant force's prior, in N."""
-    return float(
-        np.hypot(
-            priors.const_share * motion.largest_force, priors.const_weight_share * motion.weight
-        )
-    )
+    return constant_force_std(motion.largest_force, motion.weight, priors)
 
 
 def direction_width(motion: Equation, priors: PriorSettings) -> float:
     """Standard deviation of Coulomb friction's prior, in N."""
-    return float(
-        np.hypot(
-            priors.direction_share * motion.largest_force,
-            priors.direction_weight_share * motion.weight,
-        )
-    )
+    return coulomb_std(motion.largest_force, motion.weight, priors)
 
 
 def offset_in_const(motion: Equation, priors: PriorSettings) -> tuple[float, float]:

@@ -190,7 +190,7 @@ def print_answer(answer: "Answer", goal: float | None = None) -> None:
             print_table(screen, _masses(row, verdict))
     for line in (
         *shift_lines(answer),
-        *planar_lines(answer.planar),
+        *planar_lines(answer.planar, answer.planar_budget),
         *(f"lost: {loss}" for loss in answer.losses),
         *(f"note: {note}" for note in answer.notes),
     ):

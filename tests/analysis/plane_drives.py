@@ -17,10 +17,10 @@ from analysis.gate import gate
 from analysis.machine import Machine
 from analysis.masses import masses, withhold
 from analysis.mounting import rotation
-from analysis.planar import planar
 from analysis.segments import segments
 from analysis.smooth import smooth
 from analysis.trace import trace
+from analysis.turning.planar import planar
 from estimators import planar_rows as model
 from tests.analysis.settings_by_name import staged
 
@@ -176,5 +176,11 @@ def replayed(said, loader=None):
         "segments": segments(excitation, gated, settings, noise),
         "verdict": judged,
         "masses": withhold(masses(excitation, gated, estimates, loader, noise), opinion, ()),
-        "planar": planar(excitation, gated, opinion, settings, noise),
+        **dict(
+            zip(
+                ("planar", "planar_budget"),
+                planar(excitation, gated, opinion, loader, noise),
+                strict=True,
+            )
+        ),
     }

@@ -35,21 +35,32 @@ def only(stages, kind):
     return stages["planar"].filter(kind=kind).to_dicts()
 
 
+def agrees(row, name, std, truth):
+    """Whether a number is within two of its standard uncertainties of the truth."""
+    return abs(row[name] - truth) <= 2.0 * row[std]
+
+
 @pytest.fixture(scope="module")
 def stages():
     return whole()
 
 
-def test_the_centre_of_mass_is_within_five_percent_from_arcs_and_from_all_motion(stages):
+def test_the_centre_of_mass_is_found_from_arcs_and_from_all_motion(stages):
     kinds = stages["planar"]["kind"].to_list()
     assert kinds == ["arc", "arc", "arc", "arcs", "joint"]
-    assert stages["planar"]["reason"].unique().to_list() == ["accepted"]
     for kind in ("arcs", "joint"):
         (row,) = only(stages, kind)
-        assert row["com_x_m"] == pytest.approx(COM_X_M, rel=0.05)
-        assert row["first_moment_x_kg_m"] == pytest.approx(LOADER[2], rel=0.05)
+        assert row["reason"] == "accepted"
+        assert row["com_x_m"] == pytest.approx(COM_X_M, rel=0.1)
+        assert agrees(row, "com_x_m", "com_x_std_m", COM_X_M)
+        assert agrees(row, "first_moment_x_kg_m", "first_moment_x_std_kg_m", LOADER[2])
+
+
+def test_one_arc_is_not_told_from_the_coulomb_friction_that_a_machine_may_have(stages):
+    """150 N along a slow arc look like 0.4 m of centre of mass."""
     for row in only(stages, "arc"):
-        assert abs(row["com_x_m"] - COM_X_M) < 4 * row["com_x_std_m"]
+        assert row["reason"] in ("low_information", "ill_conditioned")
+        assert row["com_x_m"] is None
 
 
 def test_all_motion_together_determines_all_six(stages):
@@ -66,8 +77,10 @@ def test_clean_joint_motion_without_any_straight_start_tells_inertia_and_centre_
     (row,) = found["planar"].to_dicts()
     assert row["rank"] == 6
     assert row["inertia_z_kg_m2"] == pytest.approx(LOADER[1], rel=0.02)
-    assert row["first_moment_x_kg_m"] == pytest.approx(LOADER[2], rel=0.05)
-    assert row["mass_kg"] == pytest.approx(LOADER[0], rel=0.02)
+    assert row["first_moment_x_kg_m"] == pytest.approx(LOADER[2], rel=0.1)
+    assert agrees(row, "first_moment_x_kg_m", "first_moment_x_std_kg_m", LOADER[2])
+    assert agrees(row, "mass_kg", "mass_std_kg", LOADER[0])
+    assert row["mass_std_kg"] < 0.15 * LOADER[0]
 
 
 def test_v_and_omega_in_step_mix_mass_and_inertia_with_the_lateral_moment():
@@ -80,7 +93,9 @@ def test_v_and_omega_in_step_mix_mass_and_inertia_with_the_lateral_moment():
     assert second.startswith("inertia_z_kg_m2 - 3.3")
     for name in ("mass_kg", "inertia_z_kg_m2", "first_moment_y_kg_m", "com_x_m"):
         assert row[name] is None
-    assert row["first_moment_x_kg_m"] == pytest.approx(LOADER[2], rel=0.05)
+    # ω² is a sum of 1, v and v²: friction and a constant force make it uncertain
+    assert agrees(row, "first_moment_x_kg_m", "first_moment_x_std_kg_m", LOADER[2])
+    assert row["first_moment_x_std_kg_m"] > 0.2 * LOADER[2]
 
 
 @pytest.mark.parametrize(
@@ -90,7 +105,7 @@ def test_v_and_omega_in_step_mix_mass_and_inertia_with_the_lateral_moment():
 )
 def test_nominal_95_percent_intervals_cover_over_logs_of_different_noise(logs, least):
     std = {"mass_kg": "mass_std_kg", "inertia_z_kg_m2": "inertia_z_std_kg_m2"}
-    inside = {name: [] for name in ("inertia, pooled", "arc", "arcs", "joint")}
+    inside = {name: [] for name in ("inertia, pooled", "arcs", "joint")}
     inside |= {"mass_kg": [], "inertia_z_kg_m2": []}
     for seed in range(logs):
         stages = whole(seed)
@@ -99,9 +114,10 @@ def test_nominal_95_percent_intervals_cover_over_logs_of_different_noise(logs, l
         assert abs(error) < 0.02 * LOADER[1]
         inside["inertia, pooled"].append(abs(error) < 1.96 * total["inertia_z_std_kg_m2"])
         for row in stages["planar"].to_dicts():
+            if row["com_x_m"] is None:
+                continue
             error = row["com_x_m"] - COM_X_M
-            if row["kind"] != "arc":
-                assert abs(error) < 0.05 * COM_X_M
+            assert abs(error) < 4.0 * row["com_x_std_m"]
             inside[row["kind"]].append(abs(error) < 1.96 * row["com_x_std_m"])
             if row["kind"] == "joint":
                 for (name, deviation), truth in zip(std.items(), LOADER, strict=False):
@@ -152,7 +168,9 @@ def test_spins_about_the_origin_determine_four_and_no_centre_of_mass():
     assert row["rank"] == 4
     assert row["mass_kg"] is None
     assert row["com_x_m"] is None
-    assert row["inertia_z_kg_m2"] == pytest.approx(LOADER[1], rel=0.02)
+    # spins at one throttle do not tell inertia from friction that is not viscous
+    assert agrees(row, "inertia_z_kg_m2", "inertia_z_std_kg_m2", LOADER[1])
+    assert 0.05 * LOADER[1] < row["inertia_z_std_kg_m2"] < 0.25 * LOADER[1]
 
 
 def test_an_arc_shorter_than_a_window_has_no_row():
@@ -163,7 +181,7 @@ def test_an_arc_shorter_than_a_window_has_no_row():
 def test_an_arc_that_promises_too_little_is_refused_with_its_promise():
     strict = machine(threshold_std_com_m=1e-4, **POOLED)
     refused = replayed(sensors(starts() + spins() + arcs()), strict)
-    for row in refused["planar"].filter(pl.col("kind") != "joint").to_dicts():
+    for row in only(refused, "arcs"):
         assert row["reason"] == "low_information"
         assert row["predicted_std_com_m"] > 1e-4
         assert all(row[name] is None for name in TOLD)
@@ -186,7 +204,7 @@ def test_a_yaw_torque_that_is_noise_withholds_the_joint_fit_and_not_the_arcs():
     assert row["withheld"] is True
     assert row["com_x_m"] is None
     (row,) = only(broken, "arcs")
-    assert row["com_x_m"] == pytest.approx(COM_X_M, rel=0.05)
+    assert agrees(row, "com_x_m", "com_x_std_m", COM_X_M)
 
 
 def test_a_gap_in_an_arc_splits_it():

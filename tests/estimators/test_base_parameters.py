@@ -8,12 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from estimators import blocks, ls, planar_rows
-from estimators.base_parameters import fit
+from estimators.base_parameters import Prior, fit
 from estimators.errors import DataError
 from tests.estimators.motions import LOADER, MOTIONS, constant_arc, forces, measured, spin
 
 AT = {name: i for i, name in enumerate(planar_rows.PARAMETERS)}
 SIGMA = np.array([60.0, 25.0])
+
+
+def known(axes=2, **told):
+    """A prior of value and standard deviation."""
+    values, stds = np.transpose(list(told.values()))
+    mean = np.zeros((axes, len(told)))
+    mean[0] = values
+    return Prior(tuple(told), mean, np.diag(np.square(stds)))
 
 
 def fitted(motion, **options):
@@ -38,24 +46,70 @@ def test_an_offset_spin_tells_the_combinations():
     np.testing.assert_allclose(found.combination, [m - 5 * moment, inertia - 0.2 * moment])
 
 
+def noisy_arc():
+    """Regressor and force; the force has the noise of its sensors, which weighs it."""
+    arc = constant_arc()
+    noise = SIGMA * np.random.default_rng(5).normal(size=(2000, 2))
+    return planar_rows.regressor(**arc), forces(arc) + noise
+
+
 def test_an_arc_tells_the_first_moment_once_the_friction_is_known():
-    known = {"friction_x_N_s_m": (2891.0, 50.0), "friction_z_N_m_s": (1500.0, 20.0)}
-    found = fitted(constant_arc(), known=known)
-    np.testing.assert_allclose(found.theta[AT["first_moment_x_kg_m"]], 500.0)
+    A, f = noisy_arc()
+    prior = known(friction_x_N_s_m=(2891.0, 50.0), friction_z_N_m_s=(1500.0, 20.0))
+    found = fit(A, f, planar_rows.PARAMETERS, prior=prior)
+    moment, friction = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
+    assert abs(found.theta[moment] - 500.0) < 3.0 * found.std[moment]
     assert np.isnan(found.theta[AT["mass_kg"]])
-    np.testing.assert_allclose(found.theta[AT["friction_x_N_s_m"]], 2891.0)
-    np.testing.assert_allclose(found.std[AT["friction_x_N_s_m"]], 50.0)
+    # by the yaw torque mc_x = (τ_z - ω b_ψ) / (ω v), whose error is that of b_ψ over v
+    assert found.std[moment] == pytest.approx(20.0 / 1.2, rel=0.05)
+    # and what mc_x leaves of the force is friction: it is better known than before
+    assert found.std[friction] == pytest.approx(20.0 / 1.2 * 0.4**2 / 1.2, rel=0.3)
 
 
 def test_the_error_of_what_is_known_is_an_error_of_what_is_found():
     """From f_x alone, mc_x = (v b_x - f_x) / ω²: its error is v / ω² times that of b_x."""
-    arc = constant_arc()
-    A = planar_rows.regressor(**arc)[:, :1]
-    f = forces(arc)[:, :1]
-    found = fit(A, f, planar_rows.PARAMETERS, known={"friction_x_N_s_m": (2891.0, 50.0)})
+    A, f = noisy_arc()
+    prior = known(1, friction_x_N_s_m=(2891.0, 50.0))
+    found = fit(A[:, :1], f[:, :1], planar_rows.PARAMETERS, prior=prior)
     i, j = AT["first_moment_x_kg_m"], AT["friction_x_N_s_m"]
-    assert found.std[i] == pytest.approx(7.5 * 50.0)
-    assert found.covariance[i, j] == pytest.approx(7.5 * 50.0**2)
+    assert found.std[i] == pytest.approx(7.5 * 50.0, rel=0.01)
+    assert found.covariance[i, j] == pytest.approx(7.5 * 50.0**2, rel=0.01)
+    assert abs(found.responses[0, i]) == pytest.approx(7.5 * 50.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    # 30 trials tell a share of 0.95 to within 0.04 (one sigma)
+    ("trials", "least"),
+    [(30, 0.82), pytest.param(200, 0.90, marks=pytest.mark.slow)],
+)
+def test_intervals_cover_with_a_term_of_which_only_the_size_is_known(trials, least):
+    """A torque against the direction of turning: 200 N·m, give or take."""
+    plain = planar_rows.regressor(**MOTIONS["joint"])
+    opposing = np.zeros((plain.shape[0], 2, 1))
+    opposing[:, 1, 0] = np.sign(MOTIONS["joint"]["yaw_rate"])
+    A = np.concatenate([plain, opposing], axis=-1)
+    names = (*planar_rows.PARAMETERS, "coulomb_z_N_m")
+    covered, left_out = [], []
+    for seed in range(trials):
+        dice = np.random.default_rng(seed)
+        f = A @ np.append(LOADER, dice.normal(0.0, 200.0)) + SIGMA * dice.normal(size=(2000, 2))
+        found = fit(A, f, names, prior=Prior.about_zero({"coulomb_z_N_m": 200.0}, 2))
+        covered.append(np.abs(found.theta[:6] - LOADER) < 1.96 * found.std[:6])
+        without = fit(plain, f, planar_rows.PARAMETERS)
+        left_out.append(np.abs(without.theta - LOADER) < 1.96 * without.std)
+    assert (np.mean(covered, axis=0) > least).all()
+    assert np.mean(left_out, axis=0)[AT["friction_z_N_m_s"]] < 0.5
+
+
+def test_the_axes_add_up_and_a_gain_of_one_acts_on_its_own_share():
+    A, f = noisy_arc()
+    prior = known(friction_x_N_s_m=(2891.0, 50.0), friction_z_N_m_s=(1500.0, 20.0))
+    found = fit(A, f, planar_rows.PARAMETERS, prior=prior)
+    moment = AT["first_moment_x_kg_m"]
+    assert found.by_axis[:, moment].sum() == pytest.approx(found.theta[moment])
+    stronger = fit(A, f * [1.0, 1.001], planar_rows.PARAMETERS, prior=prior)
+    change = stronger.theta[moment] - found.theta[moment]
+    assert change == pytest.approx(0.001 * found.by_axis[1, moment], rel=0.05)
 
 
 def test_straight_spin_and_arc_together_determine_what_each_alone_does_not():
@@ -154,14 +208,19 @@ def test_noise_is_taken_off_combinations_alike():
 
 def test_what_a_known_one_errs_by_is_passed_on_through_the_columns_without_their_noise():
     A, f, noise = noisy(MOTIONS["joint"], 1)
-    friction = ("friction_z_N_m_s", 1500.0)
     at, off = (
-        fit(A, f, planar_rows.PARAMETERS, known={friction[0]: (friction[1] + d, 10.0)}, noise=noise)
+        fit(
+            A,
+            f,
+            planar_rows.PARAMETERS,
+            prior=known(friction_z_N_m_s=(1500.0 + d, 10.0)),
+            noise=noise,
+        )
         for d in (0.0, 1.0)
     )
-    i, j = AT["inertia_z_kg_m2"], AT["friction_z_N_m_s"]
+    i = AT["inertia_z_kg_m2"]
     # the weights of the axes move a little with the known one
-    assert off.theta[i] - at.theta[i] == pytest.approx(at.covariance[i, j] / 100.0, rel=0.05)
+    assert off.theta[i] - at.theta[i] == pytest.approx(at.responses[0, i] / 10.0, rel=0.05)
 
 
 def test_a_log_of_many_blocks_is_fitted_as_one_and_blocks_need_not_be_an_array(monkeypatch):
@@ -248,7 +307,7 @@ def test_standstill_tells_nothing_and_is_no_error(samples):
 def test_what_is_wrong_is_said_in_one_line():
     A, f = np.ones((5, 2, 6)), np.ones((5, 2))
     with pytest.raises(DataError, match="did you mean 'mass_kg'"):
-        fit(A, f, planar_rows.PARAMETERS, known={"mass_k": (1.0, 0.0)})
+        fit(A, f, planar_rows.PARAMETERS, prior=known(mass_k=(1.0, 1.0)))
     with pytest.raises(DataError, match=r"asks for forces \(5, 2\)"):
         fit(A, f[:, 0], planar_rows.PARAMETERS)
     with pytest.raises(DataError, match="forces hold NaN"):

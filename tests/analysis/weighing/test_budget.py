@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.check import Verdict
-from analysis.weighing.budget import budget, combined, unknown_scale
+from analysis.uncertainty import combined, unknown_scale
+from analysis.weighing.budget import budget
 from analysis.weighing.loads import budget_frame, loads, nuisances
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed

@@ -93,7 +93,10 @@ def plane_of(
     slows = (along < 0) | (about < 0)
     usable = known
     if settings.gate.exclude_braking:
+        stands = (phase == "standstill").fill_null(True).to_numpy()
+        speeds_up = ((along > 0) | (about > 0)) & ~slows
         usable = known & ~braking_within_sight(slows, settings)
+        usable &= ~_ends_of_stops(slows, speeds_up, stands)
     return Plane(
         t_ns=excitation["t_ns"].to_numpy(),
         motion=motion,
@@ -106,6 +109,18 @@ def plane_of(
         has_torque=has_torque,
         noise=mean_stds(settings, noise),
     )
+
+
+def _ends_of_stops(slows: Bools, speeds_up: Bools, stands: Bools) -> Bools:
+    """The samples between braking and the stand that it leads to, (n,).
+
+    Brakes that no sensor sees hold on, too gently for the phase to call it braking.
+    """
+    event = np.select([slows, speeds_up, stands], [1, 2, 3], 0)
+    rows = np.arange(event.size)
+    before = np.maximum.accumulate(np.where(event > 0, rows, 0))
+    after = np.minimum.accumulate(np.where(event > 0, rows, event.size - 1)[::-1])[::-1]
+    return (event == 0) & (event[before] == 1) & (event[after] == 3)
 
 
 def plane_noise(plane: Plane, used: Bools) -> Floats:

@@ -1,0 +1,141 @@
+"""Inertia and centre of mass of independent machines that turn: what their ± is worth.
+
+    python -P benchmarks/turning.py [--logs 60] [--first 0] [--fault NAME]... [--json FILE]
+
+Each log has a machine, a ground and instruments of its own (`benchmarks/independent`, which shares
+no code with the model), and one fault; the machine file states the uncertainties that it was drawn
+with. A fit that is withheld says nothing. The columns are shares of what is said: within two
+standard uncertainties, and beyond three; the root mean square of error over u; the median u.
+"""
+
+import json
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import numpy as np
+import polars as pl
+import typer
+
+from analysis.align import align
+from analysis.channel_noise import channel_noise
+from analysis.check import Verdict
+from analysis.derive import derive, measured
+from analysis.diagnosis import Evidence, verdict
+from analysis.forces import forces
+from analysis.gate import gate
+from analysis.machine import Machine
+from analysis.smooth import smooth
+from analysis.turning.planar import planar
+from benchmarks.independent.turning_logs import FAULTS, TurnLog, turn_log
+from benchmarks.page import markdown
+
+#: Of what the ± is judged: value and its uncertainty.
+QUANTITIES: Final = {
+    "inertia_z_kg_m2": "inertia_z_std_kg_m2",
+    "com_x_m": "com_x_std_m",
+    "com_y_m": "com_y_std_m",
+    "mass_kg": "mass_std_kg",
+}
+
+
+@dataclass(frozen=True)
+class Turned:
+    """What a log says of its machine.
+
+    Attributes:
+        fault: of the log.
+        seed: of it.
+        rows: of `planar`, each with its kind, values and uncertainties.
+        truth: by quantity.
+    """
+
+    fault: str
+    seed: int
+    rows: list[dict[str, Any]]
+    truth: dict[str, float]
+
+    def deviations(self, kind: str, quantity: str) -> list[float]:
+        """Errors over u of the fits of a kind that say something."""
+        return [
+            (row[quantity] - self.truth[quantity]) / row[QUANTITIES[quantity]]
+            for row in self.rows
+            if row["kind"] == kind and row[quantity] is not None
+        ]
+
+
+def planar_of(log: TurnLog) -> pl.DataFrame:
+    """Every stage from the topics to `planar`."""
+    machine = Machine.model_validate(log.machine)
+    settings = machine.settings
+    channels, _ = derive(measured(log.topics, machine)[0], machine)
+    aligned, _ = align(channels, machine)
+    excitation = forces(smooth(aligned, settings.smooth), machine)
+    noise = channel_noise(aligned, excitation, machine)
+    gated = gate(excitation, settings, noise)
+    opinion = Verdict.of(verdict(Evidence(excitation, gated, machine)))
+    return planar(excitation, gated, opinion, machine, noise)[0]
+
+
+def turned(fault: str, seed: int) -> Turned:
+    """Draw a log and read its machine off it."""
+    log = turn_log(FAULTS[fault], seed)
+    wanted = ["kind", "reason", "withheld", *QUANTITIES, *QUANTITIES.values()]
+    rows = planar_of(log).select(wanted).to_dicts()
+    return Turned(fault, seed, rows, log.truth._asdict())
+
+
+def lines(found: Sequence[Turned]) -> Iterator[list[str]]:
+    """A row of the table for each fault and quantity."""
+    for fault in dict.fromkeys(each.fault for each in found):
+        logs = [each for each in found if each.fault == fault]
+        kinds = [("joint", quantity) for quantity in QUANTITIES] + [("arcs", "com_x_m")]
+        for kind, quantity in kinds:
+            errors = np.array([x for log in logs for x in log.deviations(kind, quantity)])
+            u = [
+                row[QUANTITIES[quantity]]
+                for log in logs
+                for row in log.rows
+                if row["kind"] == kind and row[quantity] is not None
+            ]
+            if not errors.size:
+                yield [fault, kind, quantity, "0", *["–"] * 4]
+                continue
+            yield [
+                fault,
+                kind,
+                quantity,
+                str(errors.size),
+                f"{np.mean(np.abs(errors) <= 2.0):.0%}",
+                f"{np.mean(np.abs(errors) > 3.0):.0%}",
+                f"{np.sqrt(np.mean(errors**2)):.2f}",
+                f"{np.median(u):.3g}",
+            ]
+
+
+HEADS: Final = ["fault", "fit", "of", "said", "within 2 u", "beyond 3 u", "r.m.s.", "median u"]
+
+
+def main(
+    logs: Annotated[int, typer.Option(help="Logs of each fault.")] = 60,
+    first: Annotated[int, typer.Option(help="First seed.")] = 0,
+    fault: Annotated[list[str] | None, typer.Option(help="Only this; may be repeated.")] = None,
+    keep: Annotated[Path | None, typer.Option("--json", help="A line a log.")] = None,
+) -> None:
+    """Turn, and print how far the answers are from the truth."""
+    found: list[Turned] = []
+    begun = time.process_time()
+    for name in fault or list(FAULTS):
+        for seed in range(first, first + logs):
+            found.append(turned(name, seed))
+            if keep is not None:
+                with keep.open("a", encoding="utf-8") as out:
+                    out.write(json.dumps(asdict(found[-1])) + "\n")
+    print(markdown(HEADS, list(lines(found))))
+    print(f"{(time.process_time() - begun) / max(len(found), 1):.2f} s of processor time a log")
+
+
+if __name__ == "__main__":
+    typer.run(main)

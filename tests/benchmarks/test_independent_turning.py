@@ -1,0 +1,45 @@
+"""Machines that share no code with the model: inertia and centre of mass are within their ±."""
+
+import numpy as np
+import pytest
+
+from analysis.machine import Machine
+from benchmarks.independent.turning_logs import FAULTS, turn_log
+from benchmarks.turning import planar_of, turned
+
+#: Logs of each fault; `benchmarks/turning.py` drives more.
+SEEDS = range(3)
+
+
+@pytest.mark.parametrize(
+    ("fault", "quantity"),
+    [
+        ("Coulomb friction of turning", "inertia_z_kg_m2"),
+        ("IMU 5 cm off", "com_x_m"),
+        ("track 1 %", "inertia_z_kg_m2"),
+    ],
+)
+def test_what_is_said_of_a_faulty_log_is_within_three_standard_uncertainties(fault, quantity):
+    found = [each for seed in SEEDS for each in turned(fault, seed).deviations("joint", quantity)]
+    assert found
+    assert np.max(np.abs(found)) < 3.0
+
+
+def test_a_machine_file_that_states_nothing_is_told_what_is_not_in_the_uncertainty():
+    for seed in SEEDS:
+        said = planar_of(turn_log(FAULTS["clean"], seed, stated=False)).filter(kind="joint")
+        (row,) = said.to_dicts()
+        if row["com_x_m"] is not None:
+            assert row["scale_unknown"] == "force_gain, wheel_radius, track_width, imu_position"
+            assert "imu_position" in row["com_scale_unknown"]
+            break
+    else:
+        pytest.fail("no log says anything")
+
+
+@pytest.mark.parametrize("u_m", [-0.01, float("nan")])
+def test_the_uncertainty_of_a_place_is_no_negative_length(u_m):
+    content = turn_log(FAULTS["clean"], 0).machine
+    content["machine"]["imu"]["position_u_m"] = u_m
+    with pytest.raises(ValueError, match="position_u_m"):
+        Machine.model_validate(content)
