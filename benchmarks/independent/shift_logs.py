@@ -188,8 +188,9 @@ def _dumps(motion: Motion, legs: list[Leg], dumps: list[int]) -> list[tuple[floa
         part = load_kg[begin : min(end, load_kg.size)].astype(np.float64)
         lost_kg = float(part[0] - part[-1])
         whole_kg = float(part[0]) - legs[number].load_to_kg
-        # a recording that ends while it dumps has that dump when most of it is out
-        if lost_kg > 0.9 * whole_kg:
+        # one who creeps may drive off with a rest; a recording that ends while it dumps has that
+        # dump when most of it is out
+        if end < load_kg.size or lost_kg > 0.9 * whole_kg:
             half = int(np.argmax(part <= part[0] - _OUT * lost_kg))
             found.append(((begin + half) * STEP_S, lost_kg))
     return found

@@ -106,3 +106,31 @@ def test_what_is_dumped_is_the_load_after_it_was_spilled() -> None:
         mass_kg=pl.Series(masses), load_id=pl.Series(states)
     )
     assert found(frames)["payload_kg"].to_list() == pytest.approx(LOADS)
+
+
+def test_without_boom_and_digging_the_rhythm_shows_a_cycle_whose_load_no_start_tells() -> None:
+    frames = drawn_shift(LOADS * 2, digs=False, unseen=(5,))
+    row = summed(frames)
+    assert row["cycles_counted"] == 15
+    assert 0.6 < row["uncounted_cycles"] < 1.0
+    assert abs(row["total_kg"] - 2.0 * sum(LOADS)) < 2.0 * row["total_u_kg"]
+
+
+def test_a_machine_that_idles_between_two_dumps_is_not_out_of_rhythm() -> None:
+    frames = drawn_shift(LOADS * 2, digs=False)
+    late = pl.when(pl.col("t_ns") > 610 * NS).then(100 * NS).otherwise(0)
+    begins = pl.col("start_t_ns") > 600 * NS
+    later = [
+        (pl.col(name) + pl.when(begins).then(100 * NS).otherwise(0)).alias(name)
+        for name in ("start_t_ns", "end_t_ns")
+    ]
+    excitation = frames["excitation"].with_columns(t_ns=pl.col("t_ns") + late)
+    stand = pl.DataFrame({"t_ns": np.arange(611 * NS, 710 * NS, NS // 10), "phase": "standstill"})
+    excitation = pl.concat([excitation, stand]).sort("t_ns")
+    aligned = pl.DataFrame({"t_ns": excitation["t_ns"], "gap": np.zeros(excitation.height, bool)})
+    idle = {
+        "excitation": excitation,
+        "aligned": aligned,
+        "manoeuvres": frames["manoeuvres"].with_columns(later),
+    }
+    assert summed(frames | idle)["uncounted_cycles"] == summed(frames)["uncounted_cycles"]
