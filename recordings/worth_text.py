@@ -97,7 +97,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
     ]
     lines += filter(None, [_calibrated_line(load)])
     if load["payload_kg"] is not None:
-        lines.append(f"payload {plus_minus(load['payload_kg'], load['payload_u_kg'])} kg")
+        lines.append(f"payload {_payload(load)} kg")
     lines.append(
         f"with priors half as wide {number(load['mass_halved_priors_kg'])} kg, "
         f"twice as wide {number(load['mass_doubled_priors_kg'])} kg"
@@ -107,7 +107,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
 
 def _notes(load: Mapping[str, Any]) -> list[str]:
     """What holds for every load of the log."""
-    lines = [load["said"]] if load.get("said") else []
+    lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     if load["scale_unknown"]:
         lines.append(
             f"scale not known: the machine file gives no uncertainty of {load['scale_unknown']}, "
@@ -197,6 +197,10 @@ def _payload(load: Mapping[str, Any]) -> str:
         return "–"
     if load.get("empty"):
         return "empty"
+    if load.get("calibrated_payload_kg") is not None:
+        names = ("payload_kg", "payload_low_kg", "payload_high_kg")
+        mass, low, high = (f"{load[f'calibrated_{name}']:,.1f}" for name in names)
+        return f"{mass} ({low} to {high})"
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 

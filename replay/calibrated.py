@@ -8,9 +8,10 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.apply import ESTIMATORS, calibrated_loads
+from analysis.calibration.apply import ESTIMATORS, LaterLog, calibrated_loads
 from analysis.calibration.calibration import Calibration
-from analysis.calibration.learnt import contradiction, with_learnt
+from analysis.calibration.learnt import contradiction, unseen_changes, with_learnt
+from analysis.calibration.unlike import Unlike
 from analysis.machine import Machine
 from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
@@ -23,6 +24,8 @@ from recordings.evidence.signing import public_key
 from replay.campaign_file import weighed_in
 from replay.readers import Log
 
+#: What calibrating the masses of a replay takes; the last two a replay under learnt priors has.
+FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 #: Of settings that differ, so many are named.
 _MOST_NAMED: Final = 2
 
@@ -146,12 +149,23 @@ class MachineCalibration:
         known = [start for start in starts if isinstance(start, int)]
         self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
 
-    def of_loads(
-        self, loads: pl.DataFrame, nuisances: pl.DataFrame, other: str = ""
-    ) -> pl.DataFrame:
-        """The frame `loads` with its calibrated masses; none where the log contradicts it."""
-        refused = f"the calibration {other}" if other else contradiction(nuisances)
-        return calibrated_loads(loads, self.calibration, refused)
+    def of_loads(self, frames: Mapping[str, pl.DataFrame], other: str = "") -> pl.DataFrame:
+        """The frame `loads` with its calibrated masses; none where the log contradicts it.
+
+        Args:
+            frames: `FRAMES`, of a replay by the machine that `weighing` gives.
+            other: what that machine has otherwise than the calibration.
+        """
+        refused = f"the calibration {other}" if other else contradiction(frames["nuisances"])
+        body, unlike = self.weighing(self.document.machine).machine, Unlike.of(frames)
+        log = LaterLog(
+            refused,
+            unlike,
+            body.empty_mass_kg,
+            body.empty_mass_u_kg or 0.0,
+            unseen_changes(frames["nuisances"], unlike),
+        )
+        return calibrated_loads(frames["loads"], self.calibration, log)
 
     def of_run(self, run: Run, other: str = "") -> Run:
         """A run with its calibrated masses, and a note of the evidence.
@@ -160,7 +174,7 @@ class MachineCalibration:
             run: a replay by the machine that `weighing` gives.
             other: what that machine has otherwise than the calibration.
         """
-        loads = self.of_loads(run.frames["loads"], run.frames["nuisances"], other)
+        loads = self.of_loads(run.frames, other)
         about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, self.says)})
         frames = {**run.frames, "loads": loads}
         return replace(run, frames=frames, provenance=about).fingerprinted()
@@ -202,13 +216,18 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
 
 
 def calibrated_frame(
-    loads: pl.DataFrame,
-    nuisances: pl.DataFrame,
+    frames: Mapping[str, pl.DataFrame],
     about: Provenance,
     asked: AskedCalibration,
     recording: Path,
 ) -> pl.DataFrame:
     """The frame `loads` of a recording with its calibrated masses.
+
+    Args:
+        frames: `FRAMES`, as far as the recording has them.
+        about: how it was recorded.
+        asked: the evidence.
+        recording: where it is.
 
     Raises:
         EvidenceError: as `load_calibration`; also where it was recorded with other settings or
@@ -222,7 +241,7 @@ def calibrated_frame(
             f"{by.folder}`"
         )
     by.check_day(about.t0_unix_ns, recording)
-    return by.of_loads(loads, nuisances)
+    return by.of_loads(frames)
 
 
 def recorded_machine(about: Provenance) -> Machine:

@@ -125,7 +125,7 @@ def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest:
             continue
-        weights = _against(weighing, state, found)
+        weights = weights_against(weighing, state, found)
         random_kg = combined(budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > _AS_LIGHT * random_kg:
             break
@@ -133,7 +133,7 @@ def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     return sorted(found)
 
 
-def _against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def weights_against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass less the mean of others, by how many manoeuvres each has."""
     states = weighing.fit.states
     assert states is not None
@@ -201,7 +201,7 @@ def _payload(
     fit, body = weighing.fit, machine.machine
     names = ("payload_kg", "payload_u_kg", "payload_u_random_kg")
     if empty:
-        weights = _against(weighing, state, empty)
+        weights = weights_against(weighing, state, empty)
         sources = budget(weighing, machine, weights)
         numbers = (
             float(weights @ fit.masses_kg),

@@ -1,6 +1,7 @@
 """Weigh a log: the joint fit, how it bears other priors, and whether braking goes with driving."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,7 @@ import polars as pl
 from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
 from analysis.regressor import X
-from analysis.settings import PriorSettings
+from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.growth import Filling, Growth, filling, growing
 from analysis.weighing.joint_fit import (
@@ -22,6 +23,7 @@ from analysis.weighing.joint_fit import (
     with_states,
 )
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.kinematics import TERMS
 from analysis.weighing.nuisances import CURVATURE
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
@@ -35,6 +37,8 @@ _CURVED: Final = 6.0
 _COUNTS: Final = 0.01
 #: Means of so many samples of a derivative are differences.
 _LONG: Final = 20
+#: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
+_TOLD_ROUNDS: Final = 2
 #: Fewer samples are not fitted.
 _FEWEST: Final = 100
 
@@ -75,6 +79,8 @@ class Weighing:
         filling: what a load that grows at every start alike explains, by this log itself.
         growing: the manoeuvres whose load changes while they drive; they are not fitted.
         alone: the same fit without what a calibration learnt; None where that is the answer.
+        informed: the same with learnt priors as wide as their means are uncertain, likewise.
+        learnt: the priors that a calibration learnt.
     """
 
     fit: JointFit
@@ -87,6 +93,8 @@ class Weighing:
     filling: Filling
     growing: tuple[Growth, ...]
     alone: JointFit | None = None
+    informed: JointFit | None = None
+    learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
 
     @property
     def own(self) -> JointFit:
@@ -192,6 +200,10 @@ def weigh(
         filling(own, columns, own_priors),
         grown,
         alone,
+        None
+        if alone is None
+        else again(fit, columns, informed_priors(priors), rounds=_TOLD_ROUNDS),
+        {**priors.learnt},
     )
 
 
@@ -211,6 +223,20 @@ def _alone(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Joint
 
 def _without_learnt(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": {}})
+
+
+def informed_priors(priors: PriorSettings) -> PriorSettings:
+    """Learnt priors as wide as a log may find their terms: their means are uncertain as well.
+
+    Those of wheels against accelerometer stay.
+    """
+    learnt = {
+        name: term
+        if name in TERMS
+        else LearntTerm(mean=term.mean, std=float(np.hypot(term.std, term.mean_u)), mean_u=0.0)
+        for name, term in priors.learnt.items()
+    }
+    return priors.model_copy(update={"learnt": learnt})
 
 
 def _apart_kg(one: JointFit, other: JointFit) -> float:

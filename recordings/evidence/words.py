@@ -48,6 +48,7 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
             _about_beta(fitted),
             *(f"{_capital(said)}." for said in fitted.says),
             *_learnt(document),
+            *(_more_days(document) if document.kind == "calibration" else ()),
             *(_advice(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -98,6 +99,18 @@ def _learnt(document: EvidenceDocument) -> list[str]:
     return [
         f"The mass is found with what {logs} logs say together of {len(learnt.terms)} nuisances; "
         "what that has wrong is in every mass alike, and the line takes it with it."
+    ]
+
+
+def _more_days(document: EvidenceDocument) -> list[str]:
+    """What evidence of one day lacks; that of format 1 does not have the sentence."""
+    fitted = document.calibration
+    if fitted is None or not fitted.responses or not fitted.of_one_day:
+        return []
+    return [
+        "Evidence of one day: its intervals do not have what changes until another. Runs of "
+        "several days (five tell it well), or day_known_kg from earlier campaigns, would put it "
+        "in; until then an empty start in each later log shows whether the machine is still the same."
     ]
 
 
