@@ -15,6 +15,8 @@ _SMALL: Final = 0.005
 #: A normal distribution's 95 %.
 _COVERAGE: Final = 1.96
 _NS: Final = 1e9
+#: What driving unlike a campaign costs is told from this share of the whole uncertainty on.
+_TELLS: Final = 0.3
 
 _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg")
 _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
@@ -217,7 +219,11 @@ def _calibrated_line(load: Mapping[str, Any]) -> str:
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
     mass, low, high = _calibrated(load)
-    return f"calibrated {mass} kg, {low} to {high} kg"
+    unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
+    # less is lost in the rounding of the whole
+    tells = unlike_kg > _TELLS * load["calibrated_u_kg"]
+    more = f"; ± {unlike_kg:,.1f} kg of that for driving unlike the campaign" if tells else ""
+    return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
 def _remark(load: Mapping[str, Any]) -> str:

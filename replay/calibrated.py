@@ -8,10 +8,10 @@ from typing import Any, Final
 
 import polars as pl
 
-from analysis.calibration.apply import ESTIMATORS, LaterLog, calibrated_loads
+from analysis.calibration.apply import ESTIMATORS, calibrated_loads
 from analysis.calibration.calibration import Calibration
-from analysis.calibration.learnt import contradiction, unseen_changes, with_learnt
-from analysis.calibration.unlike import Unlike
+from analysis.calibration.later_log import later_log
+from analysis.calibration.learnt import with_learnt
 from analysis.machine import Machine
 from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
@@ -24,8 +24,6 @@ from recordings.evidence.signing import public_key
 from replay.campaign_file import weighed_in
 from replay.readers import Log
 
-#: What calibrating the masses of a replay takes; the last two a replay under learnt priors has.
-FRAMES: Final = ("loads", "nuisances", "responses", "learnt_errors")
 #: Of settings that differ, so many are named.
 _MOST_NAMED: Final = 2
 
@@ -156,15 +154,8 @@ class MachineCalibration:
             frames: `FRAMES`, of a replay by the machine that `weighing` gives.
             other: what that machine has otherwise than the calibration.
         """
-        refused = f"the calibration {other}" if other else contradiction(frames["nuisances"])
-        body, unlike = self.weighing(self.document.machine).machine, Unlike.of(frames)
-        log = LaterLog(
-            refused,
-            unlike,
-            body.empty_mass_kg,
-            body.empty_mass_u_kg or 0.0,
-            unseen_changes(frames["nuisances"], unlike),
-        )
+        body = self.weighing(self.document.machine).machine
+        log = later_log(frames, body, f"the calibration {other}" if other else "")
         return calibrated_loads(frames["loads"], self.calibration, log)
 
     def of_run(self, run: Run, other: str = "") -> Run:

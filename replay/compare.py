@@ -39,7 +39,8 @@ class Recorded:
         self.stages: Mapping[str, Sequence[str]] = held.stages
         self._loads: pl.DataFrame | None = None
         if asked is not None and "loads" in self.stages:
-            from replay.calibrated import FRAMES, calibrated_frame
+            from analysis.calibration.later_log import FRAMES
+            from replay.calibrated import calibrated_frame
 
             raw = {stage: held.read(stage) for stage in FRAMES if stage in self.stages}
             self._loads = calibrated_frame(raw, self.provenance, asked, held.path)

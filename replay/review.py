@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.calibration.later_log import FRAMES as NEEDED
 from analysis.calibration.learnt import contradiction
 from analysis.calibration.unlike import Unlike
 from analysis.cycles.calibrated import calibrated_cycles
@@ -35,7 +36,6 @@ from recordings.review.state import (
     state_of,
 )
 from recordings.review.verdicts import VERDICTS, matched, read_verdicts
-from replay.calibrated import FRAMES as NEEDED
 from replay.calibrated import AskedCalibration, MachineCalibration, load_calibration
 from replay.decoded import FOLDER as DECODED
 from replay.decoded import decoded

@@ -68,7 +68,7 @@ class Stage:
             raise RecordingError(
                 f"{self.recording}: a calibration is of stage 'loads', not of '{self.name}'"
             )
-        from replay.calibrated import FRAMES as NEEDED
+        from analysis.calibration.later_log import FRAMES as NEEDED
         from replay.calibrated import calibrated_frame
 
         about, there = read_provenance(self.recording), stages(self.recording)

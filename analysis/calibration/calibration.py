@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from analysis.calibration.inversion import Inversion
 from analysis.calibration.model import DAY
+from analysis.settings import LearnableTerm
 from estimators.errors import DataError
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
@@ -156,7 +157,7 @@ class LineResponse:
         slope_1: for each kg of the reference.
     """
 
-    term: str
+    term: LearnableTerm
     level_kg: float
     slope_1: float
 

@@ -84,7 +84,8 @@ def test_what_the_log_says_of_the_error_is_taken_off_and_narrows():
 
 
 def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
-    line = calibration(slope_1=0.02)
+    # in proportion to the mass, so that level and slope of the line say the same
+    line = calibration(level_kg=0.02 * 3739.0, slope_1=0.02)
     of = ("cycle", 1)
     like = difference_on_line(line, log(2.0, of=of, scale_kg=3.0), [of], np.array([100.0]))
     # the campaign's responses grow by 0.02 for each kg as well: 2 kg of 100 are in the slope
@@ -93,6 +94,40 @@ def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
     assert like.beside(np.array([5.0]))[0] == pytest.approx(np.sqrt(25.0 - 13.0), rel=0.02)
     other = difference_on_line(line, log(32.0, of=of), [of], np.array([100.0]))
     assert other.unlike_u_kg[0] == pytest.approx(30.0, rel=0.02)
+
+
+def test_a_slope_that_has_rolling_resistance_in_it_is_no_gain_of_a_difference():
+    # the gain is right: what the line has at its centre is the mass there
+    table = readings(deviations=(1.0, 0.0, 0.0), line=(-0.1 * 3739.0, 1.1))
+    said = [RunResponse(run_id=run, term=TERM, response_kg=5.0) for run in table["run_id"].unique()]
+    options = CalibrationOptions("joint_mass")
+    line = fit_calibration(table, references(), np.zeros((6, 6)), options, said)
+    of = ("payload", 0)
+    found = difference_on_line(line, log(0.0, of=of), [of], np.array([200.0]))
+    assert found.payload_kg[0] == pytest.approx(200.0, abs=1.0)
+    assert found.line_kg[0] < 1.0
+
+
+def test_a_gain_of_the_force_is_in_level_and_slope_alike():
+    table = readings(deviations=(1.0, 0.0, 0.0), line=(0.0, 1.03))
+    said = [RunResponse(run_id=run, term=TERM, response_kg=5.0) for run in table["run_id"].unique()]
+    options = CalibrationOptions("joint_mass")
+    line = fit_calibration(table, references(), np.zeros((6, 6)), options, said)
+    of = ("payload", 0)
+    found = difference_on_line(line, log(0.0, of=of), [of], np.array([206.0]))
+    assert found.payload_kg[0] == pytest.approx(200.0, abs=0.5)
+
+
+def test_a_slope_far_from_any_gain_is_the_machine_s_own():
+    # behind a torque chain that sees one axle, alpha is 0.14 and beta nearly all
+    steep = readings(deviations=(1.0, 0.0, 0.0), line=(-22434.0, 7.0))
+    said = [RunResponse(run_id=run, term=TERM, response_kg=5.0) for run in steep["run_id"].unique()]
+    line = fit_calibration(
+        steep, references(), np.zeros((6, 6)), CalibrationOptions("joint_mass"), said
+    )
+    of = ("payload", 0)
+    found = difference_on_line(line, log(0.0, of=of), [of], np.array([700.0]))
+    assert found.payload_kg[0] == pytest.approx(100.0, rel=0.01)
 
 
 def test_evidence_that_does_not_say_what_moved_its_line_leaves_all_of_it_in():
