@@ -495,6 +495,7 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column("other", pl.String, "1", "another, or the same"),
                 _f("error_1", "1", "error of the term's mean, in its standard uncertainties"),
                 _f("covariance_1", "1", "of the two errors, likewise"),
+                Column("told", pl.Boolean, "1", "true where the masses have that error off"),
             ),
         ),
         Frame(

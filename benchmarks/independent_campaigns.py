@@ -23,7 +23,7 @@ from analysis.calibration.calibration import Calibration, CalibrationOptions
 from analysis.calibration.campaign import CampaignRun
 from analysis.calibration.fit import fit_calibration
 from analysis.calibration.later_log import later_log
-from analysis.calibration.learnt import learnt_terms, terms_of, with_learnt
+from analysis.calibration.learnt import as_later, learnt_terms, terms_of, with_learnt
 from analysis.calibration.readings import readings, run_responses
 from analysis.machine import Machine
 from analysis.run import Run
@@ -160,6 +160,7 @@ def replayed(
         own = load_machine(stated)
         if machine is not None:
             own = with_learnt(own, machine.settings.priors.learnt)
+            own = as_later(own) if machine.settings.priors.learnt_means == "told" else own
         with open_log(path) as opened:
             return run(opened, own), own
 
@@ -202,7 +203,7 @@ def calibrated(drawn: Drawn, dice: np.random.Generator) -> tuple[Calibration, Ma
         line = fit_calibration(pl.concat(tables), known, u_kg2, options, responses)
     except ValueError as fault:
         return str(fault)
-    return line, machine
+    return line, as_later(machine)
 
 
 def later(

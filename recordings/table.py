@@ -396,7 +396,7 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "prior_mean_u alone alone_std alone_prior_mean alone_prior_std"
         ),
         "responses": "of number term response_kg",
-        "learnt_errors": "term other error_1 covariance_1",
+        "learnt_errors": "term other error_1 covariance_1 told",
         "cycles": (
             "cycle start_t_ns end_t_ns dig_t_ns dump_t_ns return_s load_s haul_s dump_s manoeuvres "
             "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "

@@ -11,7 +11,7 @@ import polars as pl
 from analysis.calibration.apply import ESTIMATORS, calibrated_loads
 from analysis.calibration.calibration import Calibration
 from analysis.calibration.later_log import later_log
-from analysis.calibration.learnt import with_learnt
+from analysis.calibration.learnt import as_later, with_learnt
 from analysis.machine import Machine
 from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
@@ -76,16 +76,18 @@ class MachineCalibration:
         document = self.document
         machine = weighed_in(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
+        weighing = with_learnt(machine, terms)
+        if self.calibration.responses:
+            weighing = as_later(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        kept = canonical(with_learnt(machine, terms).model_dump(mode="json"))
-        return Machine.model_validate_json(kept)
+        return Machine.model_validate_json(canonical(weighing.model_dump(mode="json")))
 
     def other(self, weighing: Machine) -> str:
         """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
 
         Name, channels, settings, priors: all that defines its mass.
         """
-        kept = dict(_flat(definition(self.document.weighing)))
+        kept = dict(_flat(definition(self.weighing(self.document.machine))))
         mine = dict(_flat(definition(weighing)))
         name = "machine.name"
         if kept[name] != mine[name]:

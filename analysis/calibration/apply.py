@@ -132,7 +132,7 @@ def _apart(
         return 0.0, 0.0
     away_kg = ((row["estimate_kg"] or 0.0) - calibration.level_kg) / calibration.c1_1
     line_kg = unlike.line(calibration.responses, 1.0, away_kg)
-    return unlike.off_kg(unlike.moved_kg[key] - line_kg)
+    return unlike.off_kg(unlike.moved_kg[key], line_kg)
 
 
 def _mass(

@@ -88,13 +88,13 @@ def difference_on_line(
         each = each + gain.by_level_1 * of_level / calibration.centre_kg
         line = np.outer(mass_kg - centre_kg, each) + (of_level if absolute else 0.0)
         told = np.array([each in unlike.moved_kg for each in numbers]) & np.isfinite(mass_kg)
-        apart = np.where(told[:, None], moved - line, 0.0)
-        off = [unlike.off_kg(each) for each in apart]
+        moved, line = (np.where(told[:, None], each, 0.0) for each in (moved, line))
+        off = [unlike.off_kg(*each) for each in zip(moved, line, strict=True)]
         off_kg, unlike_u_kg = (np.array(each) for each in zip(*off, strict=True))
         share = np.nan_to_num(np.abs(mass_kg)) / max(float(np.nansum(np.abs(mass_kg))), 1e-9)
         scale_kg = np.array([unlike.scale_kg.get(each, 0.0) for each in numbers])
-        taken_kg = np.hypot(share * float(np.linalg.norm(moved[told].sum(axis=0))), scale_kg)
-        shared_u_kg = share * unlike.off_kg(apart.sum(axis=0))[1]
+        taken_kg = np.hypot(share * unlike.taken_kg(moved.sum(axis=0)), scale_kg)
+        shared_u_kg = share * unlike.u_kg((moved - line).sum(axis=0))
     mass_kg = (payload_kg - off_kg - level_kg) / slope
     variance = gain.variance_1 * mass_kg**2
     if absolute:
@@ -138,7 +138,7 @@ def _gain(calibration: Calibration, unlike: Unlike | None) -> _Gain:
     level_variance, both, slope_variance = calibration.covariance
     # the line's own uncertainty at its centre, of c0 + c1 m
     own = level_variance + 2.0 * both * at_kg + slope_variance * at_kg**2
-    _, means_kg = unlike.off_kg(unlike.line(calibration.responses, 1.0, 0.0))
+    means_kg = unlike.u_kg(unlike.line(calibration.responses, 1.0, 0.0))
     by_level, by_level_kg2 = calibration.level_kg / at_kg, max(own, 0.0) + means_kg**2
     variances = np.array([by_level_kg2 / at_kg**2, slope_variance + (_BY_LOAD_1 * slope) ** 2])
     if abs(by_level - slope) > _APART * float(np.sqrt(variances.sum())):

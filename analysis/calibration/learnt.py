@@ -161,6 +161,12 @@ def with_learnt(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> 
     return machine.model_copy(update={"settings": machine.settings.changed(content)})
 
 
+def as_later(machine: Machine) -> Machine:
+    """The machine as later logs are weighed: one of several loads tells what means have wrong."""
+    told = {"priors.learnt_means": "told"}
+    return machine.model_copy(update={"settings": machine.settings.changed(told)})
+
+
 def contradiction(nuisances: pl.DataFrame) -> str:
     """What a later log says against the priors that its calibration learnt; "" where nothing.
 

@@ -43,10 +43,13 @@ def line_responses(
         centre_kg: where the line has its level.
     """
     found: list[LineResponse] = []
-    for term in sorted({each.term for each in said}):
-        own = [each for each in said if each.term == term and each.run_id in reference_kg]
+    by_term: dict[LearnableTerm, list[RunResponse]] = {}
+    for each in said:
+        if each.run_id in reference_kg:
+            by_term.setdefault(each.term, []).append(each)
+    for term, own in sorted(by_term.items()):
         away = np.array([reference_kg[each.run_id] - centre_kg for each in own])
-        if not own or np.ptp(away) == 0.0:
+        if np.ptp(away) == 0.0:
             continue
         columns = np.column_stack([np.ones(away.size), away])
         moved_kg = np.array([each.response_kg for each in own])
@@ -63,6 +66,7 @@ class Unlike:
         terms: whose means they are of.
         error_1: (terms,) in their standard uncertainties.
         covariance_1: (terms, terms).
+        told: (terms,) whether the log's masses have that error off already.
         moved_kg: (terms,) what they move each thing by: of `MOVED`, and its number.
         scale_kg: uncertainty of the scale in it, likewise.
     """
@@ -70,6 +74,7 @@ class Unlike:
     terms: tuple[LearnableTerm, ...]
     error_1: Floats
     covariance_1: Floats
+    told: NDArray[np.bool_]
     moved_kg: Mapping[tuple[str, int], Floats]
     scale_kg: Mapping[tuple[str, int], float]
 
@@ -82,9 +87,9 @@ class Unlike:
         terms = tuple(known["term"].unique(maintain_order=True))
         place = {term: k for k, term in enumerate(terms)}
         covariance = np.eye(len(terms))
-        error = np.zeros(len(terms))
-        for term, other, error_1, covariance_1 in known.iter_rows():
-            error[place[term]] = error_1
+        error, told = np.zeros(len(terms)), np.zeros(len(terms), np.bool_)
+        for term, other, error_1, covariance_1, off in known.iter_rows():
+            error[place[term]], told[place[term]] = error_1, off
             covariance[place[term], place[other]] = covariance_1
         moved_kg: dict[tuple[str, int], Floats] = {}
         scale_kg: dict[tuple[str, int], float] = {}
@@ -94,7 +99,7 @@ class Unlike:
             else:
                 own = moved_kg.setdefault((of, number), np.zeros(len(terms)))
                 own[place[term]] = response_kg
-        return cls(terms, error, covariance, moved_kg, scale_kg)
+        return cls(terms, error, covariance, told, moved_kg, scale_kg)
 
     def line(self, responses: Sequence[LineResponse], level_1: float, away_kg: float) -> Floats:
         """(terms,) what they moved the line by.
@@ -114,7 +119,21 @@ class Unlike:
             ]
         )
 
-    def off_kg(self, moved_kg: Floats) -> tuple[float, float]:
-        """What an estimate that moves by (terms,) is off by, and the uncertainty of that."""
-        variance = float(moved_kg @ self.covariance_1 @ moved_kg)
-        return float(moved_kg @ self.error_1), float(np.sqrt(max(variance, 0.0)))
+    def off_kg(self, moved_kg: Floats, line_kg: Floats) -> tuple[float, float]:
+        """What an estimate is off by beside its line, and the uncertainty of that.
+
+        Args:
+            moved_kg: (terms,) what the errors move it by.
+            line_kg: (terms,) what they moved the line by.
+        """
+        left = np.where(self.told, 0.0, moved_kg) - line_kg
+        return float(left @ self.error_1), self.u_kg(moved_kg - line_kg)
+
+    def u_kg(self, moved_kg: Floats) -> float:
+        """What the log does not know of the errors moves an estimate by."""
+        return float(np.sqrt(max(float(moved_kg @ self.covariance_1 @ moved_kg), 0.0)))
+
+    def taken_kg(self, moved_kg: Floats) -> float:
+        """The part of the log's own uncertainty that is of the errors."""
+        told = np.where(self.told, moved_kg, 0.0)
+        return float(np.hypot(self.u_kg(told), np.linalg.norm(moved_kg - told)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.calibration.calibration import Calibration
 from analysis.calibration.differences import difference_on_line
 from analysis.calibration.unlike import Unlike
-from analysis.schema import QUALITY, conform
+from analysis.schema import MOVED, QUALITY, conform
 from estimators.errors import DataError, nearest
 
 Floats = NDArray[np.float64]
@@ -61,7 +61,10 @@ def calibrated_cycles(
         "payload_u_shared_kg": shared_kg,
         "payload_u_kg": np.hypot(random_kg, common_kg),
     }
-    reasons = pl.Series("reason", [_outside(row, calibration) for row in cycles.to_dicts()])
+    off_kg, u_kg = _apart(calibration, unlike)
+    reasons = pl.Series(
+        "reason", [_outside(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
+    )
     refused = reasons.to_numpy() != ""
     columns = [
         pl.Series(name, np.where(refused, np.nan, value)).fill_nan(None)
@@ -80,10 +83,29 @@ def _numbers(cycles: pl.DataFrame, name: str) -> Floats:
     return cycles[name].cast(pl.Float64).to_numpy()
 
 
-def _outside(row: Mapping[str, Any], calibration: Calibration) -> str:
+def _apart(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
+    """What the log's masses are off by beside their line, in their mean, and the u of that."""
+    of_masses = (
+        [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
+    )
+    if (
+        unlike is None
+        or not of_masses
+        or not calibration.responses
+        or calibration.method == _OF_PAYLOAD
+    ):
+        return 0.0, 0.0
+    moved_kg = np.mean(of_masses, axis=0)
+    return unlike.off_kg(moved_kg, unlike.line(calibration.responses, 1.0, 0.0))
+
+
+def _outside(
+    row: Mapping[str, Any], calibration: Calibration, off_kg: float, unlike_u_kg: float
+) -> str:
     """Why a cycle is none of the line's; "" where it is, or has no mass anyway."""
     name = "loaded" if calibration.method == _OF_MASS else "payload"
     mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
     if row["payload_kg"] is None:
         return ""
-    return calibration.calibrated(mass_kg, u_kg, row["manoeuvres"]).reason
+    count = row["manoeuvres"]
+    return calibration.calibrated(mass_kg - off_kg, u_kg, count, unlike_u_kg).reason

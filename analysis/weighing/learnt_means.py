@@ -5,7 +5,7 @@ calibration's line has what ε did to its own logs. What it does to another log 
 is driven otherwise; there the log itself says what ε is.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from analysis.machine import Machine
 from analysis.schema import MOVED, SCALE, build
 from analysis.weighing.budget import budget, combined
 from analysis.weighing.equation import Floats
+from analysis.weighing.kinematics import TERMS
 from analysis.weighing.loads import weights_against
 from analysis.weighing.weigh import Weighing
 
@@ -27,11 +28,13 @@ class LearntErrors:
         terms: whose means they are.
         mean: (terms,) what the log says together with the calibration; 0 where it says nothing.
         covariance: (terms, terms) of that; 1 where it says nothing.
+        by_fit_kg: (own terms, masses) what they move masses by, by how the two vary together.
     """
 
     terms: tuple[str, ...]
     mean: Floats
     covariance: Floats
+    by_fit_kg: Floats
 
     @classmethod
     def of(cls, weighing: Weighing) -> "LearntErrors":
@@ -40,24 +43,38 @@ class LearntErrors:
         What a log finds of a term is the error of its mean and what differs from log to log, by
         their variances. Of wheels against accelerometer the calibration's word stands alone.
         """
-        terms, _ = weighing.fit.of_means
-        mean, covariance = np.zeros(len(terms)), np.eye(len(terms))
-        fit = weighing.informed
-        if fit is None:
-            return cls(terms, mean, covariance)
-        learnt = weighing.learnt
-        names = [term.name for term in fit.terms]
-        own = [k for k, name in enumerate(terms) if name in names]
-        at = [names.index(terms[k]) for k in own]
-        mean_u = np.array([learnt[terms[k]].mean_u for k in own])
-        std = np.array([learnt[terms[k]].std for k in own])
+        fit, learnt = weighing.informed, weighing.learnt
+        assert fit is not None
+        by_wheels = [term for term in weighing.fit.of_means[0] if term in TERMS]
+        known = [(k, term.name) for k, term in enumerate(fit.terms) if term.name in learnt]
+        # slip of which the wheels tell more has no learnt prior in the fit
+        own = [(k, n) for k, n in known if fit.prior_means.mean[k] == learnt[n].mean or n == "lag"]
+        mean_u = np.array([learnt[name].mean_u for _, name in own])
+        std = np.array([learnt[name].std for _, name in own])
         share = mean_u / (mean_u**2 + std**2)
-        place = np.array(at, np.int64) + fit.count + 1
-        apart = fit.theta[place] - fit.prior_means.mean[at]
-        mean[own] = -share * apart
+        at = np.array([k for k, _ in own], np.int64)
+        place = at + fit.count + 1
+        apart = fit.theta[place] - [learnt[name].mean for _, name in own]
         found = fit.fit.covariance[np.ix_(place, place)] * np.outer(share, share)
-        covariance[np.ix_(own, own)] = found + np.diag(std**2 / (mean_u**2 + std**2))
-        return cls(terms, mean, covariance)
+        covariance = np.eye(len(own) + len(by_wheels))
+        covariance[: len(own), : len(own)] = found + np.diag(std**2 / (mean_u**2 + std**2))
+        together = -fit.fit.covariance[: fit.count, place] * share
+        return cls(
+            (*(name for _, name in own), *by_wheels),
+            np.append(-share * apart, np.zeros(len(by_wheels))),
+            covariance,
+            -np.asarray(
+                np.linalg.solve(covariance[: len(own), : len(own)], together.T), np.float64
+            ),
+        )
+
+    def moves(self, weighing: Weighing) -> Floats:
+        """(terms, masses) what the errors move the masses by, those of the means at hand, in kg."""
+        names, moved_kg = weighing.fit.of_means
+        own = dict(zip(names, moved_kg, strict=True))
+        by_fit = dict(zip(self.terms, self.by_fit_kg, strict=False)) if weighing.told else {}
+        none = np.zeros(weighing.fit.count)
+        return np.array([by_fit.get(term, own.get(term, none)) for term in self.terms])
 
 
 def responses(
@@ -77,13 +94,24 @@ def responses(
     empty = loads.filter("empty")["load_id"].to_list()
     states = range(fit.count)
     of_mass, of_payload, of_cycle = MOVED
-    rows = _rows(of_mass, weighing, machine, {k: fit.weights(k) for k in states})
+    moved_kg = errors.moves(weighing)
+
+    def rows_of(of: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
+        return _rows(of, weighing, machine, errors.terms, moved_kg, sums)
+
+    rows = rows_of(of_mass, {k: fit.weights(k) for k in states})
     if empty:
         against = {k: weights_against(weighing, k, empty) for k in states if k not in empty}
-        rows += _rows(of_payload, weighing, machine, against)
-    rows += _rows(of_cycle, weighing, machine, payloads)
+        rows += rows_of(of_payload, against)
+    rows += rows_of(of_cycle, payloads)
     known = [
-        {"term": one, "other": other, "error_1": errors.mean[i], "covariance_1": value}
+        {
+            "term": one,
+            "other": other,
+            "error_1": errors.mean[i],
+            "covariance_1": value,
+            "told": weighing.told and one not in TERMS,
+        }
         for i, one in enumerate(errors.terms)
         for other, value in zip(errors.terms, errors.covariance[i].tolist(), strict=True)
     ]
@@ -94,13 +122,17 @@ def responses(
 
 
 def _rows(
-    of: str, weighing: Weighing, machine: Machine, sums: Mapping[int, Floats]
+    of: str,
+    weighing: Weighing,
+    machine: Machine,
+    terms: Sequence[str],
+    moved_kg: Floats,
+    sums: Mapping[int, Floats],
 ) -> list[dict[str, object]]:
     """What moves sums of masses, by number: a row a term, and one for the scale."""
     if not sums:
         return []
     fit = weighing.fit
-    terms, moved_kg = fit.of_means
     total = np.sum(list(sums.values()), axis=0)
     total_kg = abs(float(total @ fit.masses_kg))
     # the same share of all

@@ -309,11 +309,12 @@ def _terms(weighing: Weighing) -> pl.DataFrame:
     """The terms of the fit."""
     fit, own = weighing.fit, weighing.alone
     parts_kg = fit.parts_kg(fit.weights(fit.main))
+    prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
         "unit": [term.unit for term in fit.terms],
         "prior_mean": fit.prior_means.mean,
-        "prior_std": fit.prior_std,
+        "prior_std": prior_std,
         "posterior": fit.posterior[0],
         "posterior_std": fit.posterior[1],
         "u_kg": [parts_kg[term.name] for term in fit.terms],
@@ -321,8 +322,13 @@ def _terms(weighing: Weighing) -> pl.DataFrame:
     }
     if own is None:
         return pl.DataFrame(columns)
+    learnt = weighing.learnt if weighing.told else {}
+    for place, term in enumerate(fit.terms):
+        if term.name in learnt and not fit.prior_means.mean_u[place]:
+            prior_std[place] = learnt[term.name].std
+            mean_u[place] = learnt[term.name].mean_u
     alone = {
-        "prior_mean_u": fit.prior_means.mean_u,
+        "prior_mean_u": mean_u,
         "alone": own.posterior[0],
         "alone_std": own.posterior[1],
         "alone_prior_mean": own.prior_means.mean,

@@ -97,6 +97,11 @@ class Weighing:
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
 
     @property
+    def told(self) -> bool:
+        """Whether the answer's own fit tells what the means of learnt priors have wrong."""
+        return self.informed is self.fit
+
+    @property
     def own(self) -> JointFit:
         """What this log says of the nuisances by itself."""
         return self.fit if self.alone is None else self.alone
@@ -141,7 +146,25 @@ def weigh(
         noise: of the columns.
         machine: wheels, settings, priors.
     """
-    settings, priors = machine.settings, machine.settings.priors
+    priors = machine.settings.priors
+    if priors.learnt and priors.learnt_means == "told":
+        # means that are wrong spoil a log of several loads, which tells them better
+        found = _weighed(aligned, excitation, gated, noise, machine, informed_priors(priors))
+        if found is not None and found.fit.count > 1:
+            return replace(found, informed=found.fit, learnt={**priors.learnt})
+    return _weighed(aligned, excitation, gated, noise, machine, priors)
+
+
+def _weighed(
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    noise: pl.DataFrame,
+    machine: Machine,
+    priors: PriorSettings,
+) -> Weighing | None:
+    """The same with these priors."""
+    settings = machine.settings
     known = ColumnNoise.of(X, noise, settings.noise)
     if known is None:
         return None
@@ -263,5 +286,7 @@ def _scaled(priors: PriorSettings, times: float) -> PriorSettings:
         name: term.model_copy(update={"std": term.std * times})
         for name, term in priors.learnt.items()
     }
-    widths = {n: v * times for n, v in priors.model_dump(exclude={"learnt"}).items()}
+    widths = {
+        n: v * times for n, v in priors.model_dump(exclude={"learnt", "learnt_means"}).items()
+    }
     return priors.model_copy(update={**widths, "learnt": learnt})

@@ -31,11 +31,12 @@ def calibration(level_kg=-48.0, slope_1=0.0, **more):
     )
 
 
-def log(moved_kg, error_1=0.0, std_1=1.0, of=("mass", 0), scale_kg=0.0):
+def log(moved_kg, error_1=0.0, std_1=1.0, of=("mass", 0), scale_kg=0.0, told=False):
     return Unlike(
         (TERM,),
         np.array([error_1]),
         np.array([[std_1**2]]),
+        np.array([told]),
         {of: np.array([moved_kg])},
         {of: scale_kg},
     )
@@ -81,6 +82,18 @@ def test_what_the_log_says_of_the_error_is_taken_off_and_narrows():
     found = calibrated_loads(loads(), line, LaterLog(unlike=told)).row(0, named=True)
     assert found["calibrated_kg"] == pytest.approx(plain["calibrated_kg"] - 0.4 * 50.0, abs=0.2)
     assert found["calibrated_unlike_u_kg"] == pytest.approx(5.0, rel=0.01)
+
+
+def test_masses_that_have_an_error_off_already_lack_what_the_line_has_of_it():
+    line = calibration()
+    # as what the log says is taken off masses that have it: 3739 - 0.4 (2 - -48), both ways
+    fixed = log(2.0, error_1=0.4, std_1=0.1)
+    told = log(2.0, error_1=0.4, std_1=0.1, told=True)
+    one = calibrated_loads(loads(), line, LaterLog(unlike=fixed)).row(0, named=True)
+    off = loads(mass_kg=3739.0 - 0.4 * 2.0)
+    other = calibrated_loads(off, line, LaterLog(unlike=told)).row(0, named=True)
+    assert other["calibrated_kg"] == pytest.approx(one["calibrated_kg"], abs=0.1)
+    assert other["calibrated_u_kg"] == pytest.approx(one["calibrated_u_kg"], rel=0.01)
 
 
 def test_of_a_difference_the_line_takes_scale_and_shared_errors_by_its_slope():
