@@ -94,7 +94,7 @@ def run(
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
     answer = {
         "loads": loads(weighing, excitation, machine, opinion),
-        "manoeuvres": manoeuvre_frame(weighing, excitation),
+        "manoeuvres": manoeuvre_frame(weighing, excitation, machine),
     }
     hauled, sums = cycles_and_weights(weighing, {**seen.frames, **answer}, machine, opinion)
 

@@ -256,8 +256,13 @@ def _growing(weighing: Weighing, excitation: pl.DataFrame) -> str:
     return "; ".join(told[:_TOLD] + more)
 
 
-def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.DataFrame:
-    """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself."""
+def manoeuvre_frame(
+    weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself.
+
+    As those of loads, masses are without what only turns.
+    """
     if weighing is None or weighing.fit.states is None:
         return _empty("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
@@ -267,7 +272,7 @@ def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.D
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well
-    shift_kg = fit.masses_kg - states.means_kg
+    shift_kg = fit.masses_kg - states.means_kg - machine.machine.rotating_mass_kg
     return build(
         "manoeuvres",
         {
