@@ -46,6 +46,10 @@ NOISE_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
         "torque_z_N_m": "torque_z_N_m",
     },
 }
+#: What a row of `responses` is about beside the terms that a calibration learns.
+SCALE: Final = "scale"
+#: What moves: the mass of a load, its payload to the empty loads, the payload of a cycle.
+MOVED: Final = ("mass", "payload", "cycle")
 #: Columns of `loads` that a calibration adds.
 CALIBRATED: Final = (
     "calibrated_kg",
@@ -53,6 +57,12 @@ CALIBRATED: Final = (
     "calibrated_low_kg",
     "calibrated_high_kg",
     "calibrated_reason",
+    "calibrated_unlike_u_kg",
+    "calibrated_said",
+    "calibrated_payload_kg",
+    "calibrated_payload_u_kg",
+    "calibrated_payload_low_kg",
+    "calibrated_payload_high_kg",
 )
 #: What a cycle's payload is worth.
 QUALITIES: Final = ("good", "weak", "not dumped", "no mass")
@@ -366,6 +376,16 @@ FRAMES: Final[dict[str, Frame]] = {
                 Column(
                     "calibrated_reason", pl.String, "1", "why there is none (empty when there is)"
                 ),
+                _f(
+                    "calibrated_unlike_u_kg",
+                    "kg",
+                    "of its u, by driving unlike the campaign",
+                ),
+                Column("calibrated_said", pl.String, "1", "what a reader must know of it"),
+                _f("calibrated_payload_kg", "kg", "payload under the calibration"),
+                _f("calibrated_payload_u_kg", "kg", "its standard uncertainty"),
+                _f("calibrated_payload_low_kg", "kg", "lower end of its interval"),
+                _f("calibrated_payload_high_kg", "kg", "upper end of its interval"),
             ),
         ),
         Frame(
@@ -476,6 +496,27 @@ FRAMES: Final[dict[str, Frame]] = {
                 _f("alone_std", "1", "standard deviation of that (in its unit)"),
                 _f("alone_prior_mean", "1", "mean of its prior without (in its unit)"),
                 _f("alone_prior_std", "1", "standard deviation of its prior without (in its unit)"),
+            ),
+        ),
+        Frame(
+            "responses",
+            "under learnt priors: what one standard uncertainty of each mean moves by",
+            (
+                Column("of", pl.String, "1", "mass or payload of a load, or payload of a cycle"),
+                Column("number", pl.Int64, "1", "number of the load or cycle"),
+                Column("term", pl.String, "1", "whose mean it is, or the scale"),
+                _f("response_kg", "kg", "how far it moves"),
+            ),
+        ),
+        Frame(
+            "learnt_errors",
+            "under learnt priors: what this log says of the errors of their means, a row a pair",
+            (
+                Column("term", pl.String, "1", "whose mean it is"),
+                Column("other", pl.String, "1", "another, or the same"),
+                _f("error_1", "1", "error of the term's mean, in its standard uncertainties"),
+                _f("covariance_1", "1", "of the two errors, likewise"),
+                Column("told", pl.Boolean, "1", "true where the masses have that error off"),
             ),
         ),
         Frame(

@@ -268,6 +268,11 @@ class PriorSettings(BaseModel):
         description="priors that a calibration learnt, instead: a table of `mean`, `std`, `mean_u` "
         "by term",
     )
+    learnt_means: Literal["fixed", "told"] = Field(
+        "fixed",
+        description="whether a log of several loads tells what the means of learnt priors have "
+        "wrong (`told`), as later logs do, or nothing does, as in the calibration's own logs",
+    )
 
 
 class LoadSettings(BaseModel):

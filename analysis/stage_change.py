@@ -24,6 +24,8 @@ _KEYS: Final = {
     "loads": ("load_id",),
     "manoeuvres": ("start_t_ns",),
     "nuisances": ("term",),
+    "responses": ("of", "number", "term"),
+    "learnt_errors": ("term", "other"),
     "budget": ("load_id", "cause"),
     "verdict": ("check",),
     "calibration": ("method", "load_kg"),

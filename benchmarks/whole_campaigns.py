@@ -18,8 +18,9 @@ from analysis.calibration.apply import calibrated_loads
 from analysis.calibration.calibration import CalibrationOptions
 from analysis.calibration.campaign import CampaignRun
 from analysis.calibration.fit import fit_calibration
-from analysis.calibration.learnt import contradiction, learnt_terms, terms_of, with_learnt
-from analysis.calibration.readings import readings
+from analysis.calibration.later_log import later_log
+from analysis.calibration.learnt import learnt_terms, terms_of, with_learnt
+from analysis.calibration.readings import readings, run_responses
 from analysis.machine import Machine
 from analysis.run import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
@@ -100,12 +101,16 @@ def replays(logs: Sequence[SimulatedLog], machine: Machine) -> list[Run]:
     return [run(MemoryLog(log), reading_memory(machine, log)) for log in logs]
 
 
+def run_of(load_kg: float) -> CampaignRun:
+    """The run of a load."""
+    name = f"{load_kg:g}"
+    return CampaignRun.model_validate({"id": f"kg-{name}", "log": name, "loads": (), "day": DAY})
+
+
 def readings_of(replayed: Run, load_kg: float) -> pl.DataFrame:
     """Frame `readings` of a log."""
-    name = f"{load_kg:g}"
-    about = CampaignRun.model_validate({"id": f"kg-{name}", "log": name, "loads": (), "day": DAY})
-    found = readings(replayed, [about], "joint_mass")
-    return found.with_columns(load_id=pl.lit(name))
+    found = readings(replayed, [run_of(load_kg)], "joint_mass")
+    return found.with_columns(load_id=pl.lit(f"{load_kg:g}"))
 
 
 def campaign(seed: int, machine: Machine) -> dict[str, list[Outcome]]:
@@ -139,11 +144,18 @@ def _outcomes(replayed: list[Run], references: pl.DataFrame) -> list[Outcome]:
     first, later = replayed[: len(LOADS_KG)], replayed[len(LOADS_KG) :]
     table = pl.concat([readings_of(*each) for each in zip(first, LOADS_KG, strict=True)])
     covariance = np.eye(len(LOADS_KG)) * REFERENCE_U_KG**2
-    line = fit_calibration(table, references, covariance, CalibrationOptions("joint_mass"))
+    responses = [
+        one
+        for each, load_kg in zip(first, LOADS_KG, strict=True)
+        for one in run_responses(each, [run_of(load_kg)], "joint_mass")
+    ]
+    options = CalibrationOptions("joint_mass")
+    line = fit_calibration(table, references, covariance, options, responses)
+    body = load_machine("cat262c.toml").machine
     found: list[Outcome] = []
     for each, load_kg in zip(later, LATER_KG, strict=True):
-        against = contradiction(each.frames["nuisances"])
-        row = calibrated_loads(each.frames["loads"], line, against).row(0, named=True)
+        log = later_log(each.frames, body)
+        row = calibrated_loads(each.frames["loads"], line, log).row(0, named=True)
         true_kg = EMPTY_KG + load_kg
         if row["calibrated_kg"] is None:
             print(f"refused: {row['calibrated_reason']}", flush=True)

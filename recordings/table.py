@@ -387,13 +387,17 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "friction_x_N_s_m friction_x_std_N_s_m "
             "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
             "scale_unknown withheld withheld_for said "
-            "calibrated_kg calibrated_u_kg calibrated_low_kg calibrated_high_kg calibrated_reason"
+            "calibrated_kg calibrated_u_kg calibrated_low_kg calibrated_high_kg calibrated_reason "
+            "calibrated_unlike_u_kg calibrated_said calibrated_payload_kg calibrated_payload_u_kg "
+            "calibrated_payload_low_kg calibrated_payload_high_kg"
         ),
         "manoeuvres": "load_id start_t_ns end_t_ns",
         "nuisances": (
             "term unit prior_mean prior_std posterior posterior_std u_kg meaning "
             "prior_mean_u alone alone_std alone_prior_mean alone_prior_std"
         ),
+        "responses": "of number term response_kg",
+        "learnt_errors": "term other error_1 covariance_1 told",
         "cycles": (
             "cycle start_t_ns end_t_ns dig_t_ns dump_t_ns return_s load_s haul_s dump_s manoeuvres "
             "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "

@@ -15,6 +15,8 @@ _SMALL: Final = 0.005
 #: A normal distribution's 95 %.
 _COVERAGE: Final = 1.96
 _NS: Final = 1e9
+#: What driving unlike a campaign costs is told from this share of the whole uncertainty on.
+_TELLS: Final = 0.3
 
 _HEADS: Final = ("load", "from s", "to s", "manoeuvres", "mass kg", "payload kg")
 _CALIBRATED: Final = ("calibrated kg", "from kg", "to kg")
@@ -97,7 +99,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
     ]
     lines += filter(None, [_calibrated_line(load)])
     if load["payload_kg"] is not None:
-        lines.append(f"payload {plus_minus(load['payload_kg'], load['payload_u_kg'])} kg")
+        lines.append(f"payload {_payload(load)} kg")
     lines.append(
         f"with priors half as wide {number(load['mass_halved_priors_kg'])} kg, "
         f"twice as wide {number(load['mass_doubled_priors_kg'])} kg"
@@ -107,7 +109,7 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
 
 def _notes(load: Mapping[str, Any]) -> list[str]:
     """What holds for every load of the log."""
-    lines = [load["said"]] if load.get("said") else []
+    lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
     if load["scale_unknown"]:
         lines.append(scale_unknown_line(load["scale_unknown"]))
     if load["braking_left_out"]:
@@ -194,6 +196,10 @@ def _payload(load: Mapping[str, Any]) -> str:
         return "–"
     if load.get("empty"):
         return "empty"
+    if load.get("calibrated_payload_kg") is not None:
+        names = ("payload_kg", "payload_low_kg", "payload_high_kg")
+        mass, low, high = (f"{load[f'calibrated_{name}']:,.1f}" for name in names)
+        return f"{mass} ({low} to {high})"
     return plus_minus(load["payload_kg"], load["payload_u_kg"])
 
 
@@ -210,7 +216,11 @@ def _calibrated_line(load: Mapping[str, Any]) -> str:
     if load["calibrated_kg"] is None:
         return f"not calibrated: {load['calibrated_reason']}"
     mass, low, high = _calibrated(load)
-    return f"calibrated {mass} kg, {low} to {high} kg"
+    unlike_kg = load.get("calibrated_unlike_u_kg") or 0.0
+    # less is lost in the rounding of the whole
+    tells = unlike_kg > _TELLS * load["calibrated_u_kg"]
+    more = f"; ± {unlike_kg:,.1f} kg of that for driving unlike the campaign" if tells else ""
+    return f"calibrated {mass} kg, {low} to {high} kg{more}"
 
 
 def _remark(load: Mapping[str, Any]) -> str:

@@ -163,9 +163,13 @@ def calibrate(
             learnt = replay_runs(campaign, machine, path_of, None, on_log).learnt
         weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
         replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
+        if learnt is not None:
+            learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
         options = options_of(campaign, stated_scale(campaign, replayed.budgets))
-        fitted = fit_campaign(campaign, machine.machine, replayed.readings, options)
+        fitted = fit_campaign(
+            campaign, machine.machine, replayed.readings, options, replayed.responses
+        )
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )

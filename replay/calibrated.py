@@ -10,7 +10,8 @@ import polars as pl
 
 from analysis.calibration.apply import ESTIMATORS, calibrated_loads
 from analysis.calibration.calibration import Calibration
-from analysis.calibration.learnt import contradiction, with_learnt
+from analysis.calibration.later_log import later_log
+from analysis.calibration.learnt import as_later, with_learnt
 from analysis.machine import Machine
 from analysis.run import Provenance, Run
 from analysis.stamps import FIRST_DATE_NS
@@ -75,16 +76,18 @@ class MachineCalibration:
         document = self.document
         machine = weighed_in(document.campaign, machine)
         terms = {} if document.learnt is None else document.learnt.terms
+        weighing = with_learnt(machine, terms)
+        if self.calibration.responses:
+            weighing = as_later(weighing)
         # as evidence keeps it, its keys in another order: a replay of that gives the same frames
-        kept = canonical(with_learnt(machine, terms).model_dump(mode="json"))
-        return Machine.model_validate_json(kept)
+        return Machine.model_validate_json(canonical(weighing.model_dump(mode="json")))
 
     def other(self, weighing: Machine) -> str:
         """What a machine, as `weighing` gives it, has otherwise than the calibration; "" if none.
 
         Name, channels, settings, priors: all that defines its mass.
         """
-        kept = dict(_flat(definition(self.document.weighing)))
+        kept = dict(_flat(definition(self.weighing(self.document.machine))))
         mine = dict(_flat(definition(weighing)))
         name = "machine.name"
         if kept[name] != mine[name]:
@@ -146,12 +149,16 @@ class MachineCalibration:
         known = [start for start in starts if isinstance(start, int)]
         self.check_day(max(known) if known else None, ", ".join(str(log.path) for log in logs))
 
-    def of_loads(
-        self, loads: pl.DataFrame, nuisances: pl.DataFrame, other: str = ""
-    ) -> pl.DataFrame:
-        """The frame `loads` with its calibrated masses; none where the log contradicts it."""
-        refused = f"the calibration {other}" if other else contradiction(nuisances)
-        return calibrated_loads(loads, self.calibration, refused)
+    def of_loads(self, frames: Mapping[str, pl.DataFrame], other: str = "") -> pl.DataFrame:
+        """The frame `loads` with its calibrated masses; none where the log contradicts it.
+
+        Args:
+            frames: `FRAMES`, of a replay by the machine that `weighing` gives.
+            other: what that machine has otherwise than the calibration.
+        """
+        body = self.weighing(self.document.machine).machine
+        log = later_log(frames, body, f"the calibration {other}" if other else "")
+        return calibrated_loads(frames["loads"], self.calibration, log)
 
     def of_run(self, run: Run, other: str = "") -> Run:
         """A run with its calibrated masses, and a note of the evidence.
@@ -160,7 +167,7 @@ class MachineCalibration:
             run: a replay by the machine that `weighing` gives.
             other: what that machine has otherwise than the calibration.
         """
-        loads = self.of_loads(run.frames["loads"], run.frames["nuisances"], other)
+        loads = self.of_loads(run.frames, other)
         about = run.provenance.model_copy(update={"notes": (*run.provenance.notes, self.says)})
         frames = {**run.frames, "loads": loads}
         return replace(run, frames=frames, provenance=about).fingerprinted()
@@ -202,13 +209,18 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
 
 
 def calibrated_frame(
-    loads: pl.DataFrame,
-    nuisances: pl.DataFrame,
+    frames: Mapping[str, pl.DataFrame],
     about: Provenance,
     asked: AskedCalibration,
     recording: Path,
 ) -> pl.DataFrame:
     """The frame `loads` of a recording with its calibrated masses.
+
+    Args:
+        frames: `FRAMES`, as far as the recording has them.
+        about: how it was recorded.
+        asked: the evidence.
+        recording: where it is.
 
     Raises:
         EvidenceError: as `load_calibration`; also where it was recorded with other settings or
@@ -222,7 +234,7 @@ def calibrated_frame(
             f"{by.folder}`"
         )
     by.check_day(about.t0_unix_ns, recording)
-    return by.of_loads(loads, nuisances)
+    return by.of_loads(frames)
 
 
 def recorded_machine(about: Provenance) -> Machine:

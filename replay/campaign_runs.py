@@ -16,7 +16,8 @@ import polars as pl
 from analysis.answer import answer
 from analysis.calibration.campaign import CalibrationCampaign
 from analysis.calibration.learnt import LearntPriors, TermOfLog, learnt_terms, terms_of
-from analysis.calibration.readings import readings
+from analysis.calibration.readings import readings, run_responses
+from analysis.calibration.unlike import RunResponse
 from analysis.machine import Machine
 from analysis.run import Run
 from analysis.stamps import FIRST_DATE_NS
@@ -47,12 +48,14 @@ class Replayed:
         logs: what is kept of each log.
         budgets: frame `budget` of each.
         terms: what each that can weigh says of the nuisances.
+        responses: of the runs to the errors of learnt means.
     """
 
     readings: pl.DataFrame
     logs: tuple[EvidenceLog, ...]
     budgets: tuple[pl.DataFrame, ...]
     terms: tuple[TermOfLog, ...]
+    responses: tuple[RunResponse, ...]
 
     @property
     def learnt(self) -> LearntPriors | None:
@@ -84,6 +87,7 @@ def replay_runs(
     logs: list[EvidenceLog] = []
     budgets: list[pl.DataFrame] = []
     terms: list[TermOfLog] = []
+    responses: list[RunResponse] = []
     for number, name in enumerate(campaign.logs, start=1):
         on_log(name)
         with open_log(path_of(name), time=time_axis(machine)) as log:
@@ -100,10 +104,11 @@ def replay_runs(
             write_recording(replayed, recordings / recording)
         runs = [each for each in campaign.runs if each.log == name]
         frames.append(readings(replayed, runs, campaign.method.estimator))
+        responses += run_responses(replayed, runs, campaign.method.estimator)
         logs.append(_kept(name, replayed, topics, recording))
         budgets.append(replayed.frames["budget"])
         terms += terms_of(name, replayed.frames["nuisances"]) if logs[-1].can_weigh else ()
-    return Replayed(pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms))
+    return Replayed(pl.concat(frames), tuple(logs), tuple(budgets), tuple(terms), tuple(responses))
 
 
 @cache

@@ -39,10 +39,11 @@ class Recorded:
         self.stages: Mapping[str, Sequence[str]] = held.stages
         self._loads: pl.DataFrame | None = None
         if asked is not None and "loads" in self.stages:
+            from analysis.calibration.later_log import FRAMES
             from replay.calibrated import calibrated_frame
 
-            raw, terms = held.read("loads"), held.read("nuisances")
-            self._loads = calibrated_frame(raw, terms, self.provenance, asked, held.path)
+            raw = {stage: held.read(stage) for stage in FRAMES if stage in self.stages}
+            self._loads = calibrated_frame(raw, self.provenance, asked, held.path)
             self.stages = {**self.stages, "loads": self._loads.columns}
 
     def read(self, stage: str, columns: Sequence[str]) -> pl.DataFrame:

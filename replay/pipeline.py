@@ -10,7 +10,7 @@ from analysis.align import align
 from analysis.align import notes as grid_notes
 from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
-from analysis.cycles.cycles import cycles
+from analysis.cycles.cycles import cycles_and_weights
 from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
@@ -27,6 +27,7 @@ from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
 from analysis.turning.planar import planar
+from analysis.weighing.learnt_means import responses
 from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
@@ -95,9 +96,9 @@ def run(
     on_stage("cycles")  # load states in time, their payloads, and the sum of the shift
     answer = {
         "loads": loads(weighing, excitation, machine, opinion),
-        "manoeuvres": manoeuvre_frame(weighing, excitation),
+        "manoeuvres": manoeuvre_frame(weighing, excitation, machine),
     }
-    hauled = cycles(weighing, {**seen.frames, **answer}, machine, opinion)
+    hauled, sums = cycles_and_weights(weighing, {**seen.frames, **answer}, machine, opinion)
 
     return Run(
         frames={
@@ -109,6 +110,7 @@ def run(
             "cycles": hauled,
             "shift": shift(hauled, excitation, seen.frames["aligned"]),
             "nuisances": nuisances(weighing),
+            **responses(weighing, machine, answer["loads"], sums),
             "budget": budget_frame(weighing, machine),
             "masses": seen.totals,
             "verdict": seen.case.judged,

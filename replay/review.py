@@ -3,7 +3,7 @@
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,9 @@ from typing import Any, Final
 
 import polars as pl
 
+from analysis.calibration.later_log import FRAMES as NEEDED
 from analysis.calibration.learnt import contradiction
+from analysis.calibration.unlike import Unlike
 from analysis.cycles.calibrated import calibrated_cycles
 from analysis.cycles.shift import recounted
 from analysis.cycles.target import TargetCheck, check_target
@@ -20,7 +22,7 @@ from analysis.run import Run
 from estimators.errors import DataError, OutputError, RecordingError, ReviewError
 from estimators.file_digest import file_sha256
 from estimators.threads import mapped
-from recordings import read_frame, write_recording
+from recordings import read_frame, stages, write_recording
 from recordings.output import staged
 from recordings.review.ledger import CSV, PARQUET, identities, ledger, write_ledger
 from recordings.review.page import PAGE, ReviewPage, UsedCalibration, no_tonnes, review_html
@@ -50,7 +52,7 @@ _OF_THE_GRID: Final = ("excitation", "gate")
 #: Frames that a shift's recording has whole.
 _WHOLE: Final = (
     *("digging", "segments", "loads", "manoeuvres", "cycles", "shift", "findings"),
-    *("nuisances", "budget", "masses", "verdict"),
+    *("nuisances", "responses", "learnt_errors", "budget", "masses", "verdict"),
 )
 #: Points of the track.
 _TRACK_POINTS: Final = 400
@@ -158,8 +160,10 @@ def review(
         made = kept or _replayed(opened, machine, folder, (logs, machine_file), on_stage)
         cycles, summary, against = made.cycles, made.shift, ""
         if by is not None:
-            against = contradiction(_nuisances(made, folder))
-            cycles = cycles if against else calibrated_cycles(cycles, by.calibration)
+            told = _told(made, folder)
+            against = contradiction(told["nuisances"])
+            unlike = Unlike.of(told)
+            cycles = cycles if against else calibrated_cycles(cycles, by.calibration, unlike)
         said = matched(verdicts, identities(cycles, made.t0_unix_ns), folder)
         rejected = [int(cycles["cycle"][row]) for row, each in said.items() if each.reject]
         summary = recounted(summary, cycles, rejected)
@@ -285,11 +289,12 @@ def _in_time(logs: list[Log]) -> list[Log]:
     return sorted(logs, key=begins)
 
 
-def _nuisances(made: ReplayedShift, folder: Path) -> pl.DataFrame:
-    """Of the replay, or as its recording has them."""
-    if made.run is None:
-        return read_frame(folder / RECORDING, "nuisances")
-    return made.run.frames["nuisances"]
+def _told(made: ReplayedShift, folder: Path) -> Mapping[str, pl.DataFrame]:
+    """What calibrating needs of the replay, or of its recording."""
+    if made.run is not None:
+        return made.run.frames
+    there = stages(folder / RECORDING)
+    return {name: read_frame(folder / RECORDING, name) for name in NEEDED if name in there}
 
 
 def _key(logs: list[Log], machine: Machine, *, full: bool) -> str:

@@ -68,10 +68,12 @@ class Stage:
             raise RecordingError(
                 f"{self.recording}: a calibration is of stage 'loads', not of '{self.name}'"
             )
+        from analysis.calibration.later_log import FRAMES as NEEDED
         from replay.calibrated import calibrated_frame
 
-        about, terms = read_provenance(self.recording), read_frame(self.recording, "nuisances")
-        return replace(self, rows=calibrated_frame(self.rows, terms, about, asked, self.recording))
+        about, there = read_provenance(self.recording), stages(self.recording)
+        frames = {name: read_frame(self.recording, name) for name in NEEDED if name in there}
+        return replace(self, rows=calibrated_frame(frames, about, asked, self.recording))
 
     def between(self, start_s: float | None, end_s: float | None) -> Self:
         """The rows from one second of the run to another, both included.

@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from analysis.calibration.inversion import Inversion
 from analysis.calibration.model import DAY
+from analysis.settings import LearnableTerm
 from estimators.errors import DataError
 
 _CONFIG: Final = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
@@ -147,6 +148,21 @@ class Outlier:
 
 
 @dataclass(frozen=True, slots=True, config=_CONFIG)
+class LineResponse:
+    """What one standard uncertainty of a learnt mean moved the line by.
+
+    Attributes:
+        term: whose mean it is.
+        level_kg: at the line's centre.
+        slope_1: for each kg of the reference.
+    """
+
+    term: LearnableTerm
+    level_kg: float
+    slope_1: float
+
+
+@dataclass(frozen=True, slots=True, config=_CONFIG)
 class BudgetRow:
     """A row of the uncertainty budget at the heavy end of the valid range.
 
@@ -227,6 +243,13 @@ class Calibration:
     coverage_k_1: float
     u_kg: float
     says: tuple[str, ...]
+    responses: tuple[LineResponse, ...] = ()
+
+    @property
+    def of_one_day(self) -> bool:
+        """Whether nothing tells how the machine changes from day to day."""
+        days = {point.day for point in self.points if point.readings}
+        return len(days) == 1 and (self.day_kg is None or self.day_freedom is not None)
 
     @property
     def inversion(self) -> Inversion:
@@ -248,7 +271,11 @@ class Calibration:
         )
 
     def calibrated(
-        self, mass_kg: float | None, u_random_kg: float | None, readings: int
+        self,
+        mass_kg: float | None,
+        u_random_kg: float | None,
+        readings: int,
+        unlike_u_kg: float = 0.0,
     ) -> CalibratedMass:
         """The mass of a later m̂, with its interval.
 
@@ -257,14 +284,15 @@ class Calibration:
             u_random_kg: the random part of its own standard uncertainty, in kg of m̂; None where it
                 is unknown, and it has what the campaign's readings had.
             readings: whose mean it is.
+            unlike_u_kg: what its log has of errors that the line did not take with it, in kg of m̂.
 
         Returns:
-            The mass, or None with the reason: no estimate, a slope that cannot be told from 0, or
-            an interval that lies outside of the valid range.
+            The mass, or None with the reason: no estimate, a slope that cannot be told from 0, an
+            interval that says less than the valid range does, or lies outside of it.
         """
         if mass_kg is None or not np.isfinite(mass_kg) or readings < 1:
             return _refused("no estimate")
-        found = self.inversion.inverted(
+        found = self.inversion.with_more(unlike_u_kg / abs(self.c1_1)).inverted(
             np.array([mass_kg]),
             np.array([float(readings)]),
             np.array([np.nan if u_random_kg is None else u_random_kg]),
@@ -276,6 +304,11 @@ class Calibration:
         if not np.isfinite([low, high]).all():
             return _refused("the calibration's slope cannot be told from 0")
         least, most = self.range_kg
+        half = (high - low) / 2.0
+        if half > most - least:
+            return _refused(
+                f"± {half:.3g} kg is more than the calibrated range, {least:.6g} to {most:.6g} kg"
+            )
         if high < least or low > most:
             return _refused(
                 f"{mass:.6g} kg is outside of the calibrated range, {least:.6g} to {most:.6g} kg"

@@ -1,6 +1,6 @@
 """From a campaign and its readings to the calibration, as it is made and as it is checked."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
@@ -21,6 +21,7 @@ from analysis.calibration.error_limits import (
 )
 from analysis.calibration.fit import fit_calibration
 from analysis.calibration.reference_masses import references
+from analysis.calibration.unlike import RunResponse
 from analysis.machine import Body
 from estimators.errors import DataError
 
@@ -78,6 +79,7 @@ def fit_campaign(
     body: Body,
     readings: pl.DataFrame,
     options: CalibrationOptions,
+    responses: Sequence[RunResponse] = (),
 ) -> CampaignFit:
     """Fit the line of a campaign; where its readings determine none, say why.
 
@@ -86,11 +88,12 @@ def fit_campaign(
         body: the machine, whose empty mass is part of them.
         readings: frame `readings`.
         options: of the fit.
+        responses: of runs to the errors of learnt means.
     """
     known, covariance_kg2 = references(campaign, body)
     rule = rule_of(campaign, known)
     try:
-        fitted = fit_calibration(readings, known, covariance_kg2, options)
+        fitted = fit_calibration(readings, known, covariance_kg2, options, responses)
     except DataError as fault:
         no_fit = str(fault).removeprefix("calibration: ")
         return CampaignFit(None, no_fit, unfitted_points(readings, known), None)

@@ -1,5 +1,6 @@
 """Fit a calibration to the readings of a campaign."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -22,6 +23,7 @@ from analysis.calibration.model import DAY, REPEATABILITY, RUN, FittedLine, Poin
 from analysis.calibration.outliers import outliers
 from analysis.calibration.points import Campaign, campaign_of
 from analysis.calibration.sentences import sentences
+from analysis.calibration.unlike import RunResponse, line_responses
 from analysis.calibration.variance_components import Floats
 from estimators.errors import DataError
 
@@ -33,6 +35,7 @@ def fit_calibration(
     references: pl.DataFrame,
     covariance_kg2: Floats,
     options: CalibrationOptions,
+    responses: Sequence[RunResponse] = (),
 ) -> Calibration:
     """Fit m̂ = c0 + c1 m to the means of runs, and everything that a later mass needs of it.
 
@@ -46,6 +49,7 @@ def fit_calibration(
         references: a row a load: load_id, reference_kg.
         covariance_kg2: (loads, loads) of the references, in their order.
         options: method, confidence, what is known besides.
+        responses: of runs to the errors of learnt means.
 
     Raises:
         DataError: fewer than three loads, no slope, references that do not match.
@@ -121,6 +125,11 @@ def fit_calibration(
         coverage_k_1=half_kg / u_kg,
         u_kg=u_kg,
         says=(),
+        responses=line_responses(
+            responses,
+            {row.run_id: row.reference_kg for row in rows if row.readings},
+            line.centre_kg,
+        ),
     )
     return replace(calibration, says=sentences(calibration))
 

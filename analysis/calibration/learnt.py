@@ -6,14 +6,15 @@ is the same in every log: with one prior for all, its error is one error, which 
 it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, get_args
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final, get_args
 
 import numpy as np
 import polars as pl
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.special import chdtrc
 
+from analysis.calibration.unlike import RunResponse, Unlike
 from analysis.machine import Machine
 from analysis.settings import LearnableTerm, LearntTerm
 
@@ -27,6 +28,13 @@ _LEAST_SHARE: Final = 0.01
 _TELLS: Final = 0.995
 #: A later log contradicts from so many deviations on.
 CONTRADICTS: Final = 4.0
+#: Of the terms, what another ground, mounting or warmth changes from day to day.
+_CHANGES: Final = ("const", "direction")
+_ONE_DAY: Final = (
+    "evidence of one day: a gain of the force that has changed since shows in no log, and a bias, "
+    "tilt or rolling resistance worth up to {:,.0f} kg passes for chance; an empty start, "
+    "calibrate --check or evidence of several days would tell"
+)
 _NAMES: Final = get_args(LearnableTerm)
 
 
@@ -49,12 +57,14 @@ class LearntPriors(BaseModel):
     Attributes:
         terms: the priors, by term.
         logs: what each log said under the machine's own priors.
+        responses: what the means' errors move each run by; none in evidence of format 1.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     terms: dict[LearnableTerm, LearntTerm]
     logs: tuple[TermOfLog, ...] = Field(max_length=100_000)
+    responses: tuple[RunResponse, ...] = Field(default=(), max_length=100_000)
 
 
 def terms_of(log: str, nuisances: pl.DataFrame) -> tuple[TermOfLog, ...]:
@@ -151,30 +161,60 @@ def with_learnt(machine: Machine, terms: Mapping[LearnableTerm, LearntTerm]) -> 
     return machine.model_copy(update={"settings": machine.settings.changed(content)})
 
 
+def as_later(machine: Machine) -> Machine:
+    """The machine as later logs are weighed: one of several loads tells what means have wrong."""
+    told = {"priors.learnt_means": "told"}
+    return machine.model_copy(update={"settings": machine.settings.changed(told)})
+
+
 def contradiction(nuisances: pl.DataFrame) -> str:
     """What a later log says against the priors that its calibration learnt; "" where nothing.
 
     Args:
         nuisances: the frame; without learnt priors there is nothing to contradict.
     """
-    if "alone" not in nuisances.columns:
-        return ""
     worst, said = CONTRADICTS, ""
-    for row in nuisances.drop_nulls("alone").to_dicts():
-        own = without_prior(
-            (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
-        )
-        if own is None or not row["prior_mean_u"]:
-            continue
-        apart = abs(own[0] - row["prior_mean"])
-        deviations = apart / float(
-            np.hypot(own[1], np.hypot(row["prior_std"], row["prior_mean_u"]))
-        )
+    for row, own, std in _own_words(nuisances):
+        deviations = abs(own - row["prior_mean"]) / std
         if deviations > worst:
             worst = deviations
             said = (
-                f"{row['term']} is {own[0]:.3g} {row['unit']} in this log and "
+                f"{row['term']} is {own:.3g} {row['unit']} in this log and "
                 f"{row['prior_mean']:.3g} in its calibration, {deviations:.1f} deviations apart: "
                 "the machine or the ground is another"
             )
     return said
+
+
+def _own_words(nuisances: pl.DataFrame) -> Iterator[tuple[dict[str, Any], float, float]]:
+    """Of each learnt term its row, what the log says alone, and the deviation of that to expect."""
+    if "alone" not in nuisances.columns:
+        return
+    for row in nuisances.drop_nulls("alone").to_dicts():
+        own = without_prior(
+            (row["alone"], row["alone_std"]), (row["alone_prior_mean"], row["alone_prior_std"])
+        )
+        if own is not None and row["prior_mean_u"]:
+            std = float(np.hypot(own[1], np.hypot(row["prior_std"], row["prior_mean_u"])))
+            yield row, own[0], std
+
+
+def unseen_changes(nuisances: pl.DataFrame, unlike: Unlike | None) -> dict[int, str]:
+    """What could have changed since a calibration without this log contradicting it, by load.
+
+    Args:
+        nuisances: the frame.
+        unlike: what the means of learnt priors move masses by.
+    """
+    if unlike is None:
+        return {}
+    place = {term: k for k, term in enumerate(unlike.terms)}
+    times = np.zeros(len(place))
+    for row, _, std in _own_words(nuisances):
+        if row["term"] in place and row["term"] in _CHANGES:
+            times[place[row["term"]]] = CONTRADICTS * std / row["prior_mean_u"]
+    return {
+        number: _ONE_DAY.format(float(np.max(np.abs(moved_kg) * times, initial=0.0)))
+        for (of, number), moved_kg in unlike.moved_kg.items()
+        if of == "mass"
+    }

@@ -8,6 +8,7 @@ import polars as pl
 
 from analysis.calibration.campaign import EMPTY, JOINT_ESTIMATORS, CampaignRun, Estimator
 from analysis.calibration.trials import run_estimates
+from analysis.calibration.unlike import RunResponse, Unlike
 from analysis.run import Run
 
 #: A row a manoeuvre; a run of which nothing could be read has one row without a mass.
@@ -66,19 +67,61 @@ def readings(replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator) -
     return _differences(found) if estimator == "joint_payload" else found
 
 
+def run_responses(
+    replayed: Run, runs: Sequence[CampaignRun], estimator: Estimator
+) -> tuple[RunResponse, ...]:
+    """What errors of learnt means move the runs of one log by; nothing where none were learnt.
+
+    Args:
+        replayed: the replay of that log, under learnt priors.
+        runs: the campaign's runs in it, in order.
+        estimator: which mass.
+    """
+    shared = Unlike.of(replayed.frames)
+    if shared is None or estimator not in JOINT_ESTIMATORS:
+        return ()
+    said = replayed.frames["manoeuvres"].to_dicts()
+    moved = {
+        run.id: np.mean([shared.moved_kg["mass", each["load_id"]] for each in inside], axis=0)
+        for run in runs
+        if not run.excluded
+        and (inside := [e for e in said if run.holds(e["start_t_ns"] / _NS, e["end_t_ns"] / _NS)])
+    }
+    if estimator == "joint_payload":
+        zero = [moved[run.id] for run in runs if run.id in moved and run.load_id == EMPTY]
+        moved = {name: each - np.mean(zero, axis=0) for name, each in moved.items() if zero}
+    return tuple(
+        RunResponse(run_id=name, term=term, response_kg=value)
+        for name, each in moved.items()
+        for term, value in zip(shared.terms, each.tolist(), strict=True)
+    )
+
+
 def _manoeuvres(replayed: Run) -> list[dict[str, Any]]:
     """What the joint fit says, manoeuvre by manoeuvre."""
     loads = {row["load_id"]: row for row in replayed.frames["loads"].to_dicts()}
-    learnt = replayed.frames["budget"].filter(pl.col("cause") == "learnt")
-    learnt_kg = dict(learnt.select("load_id", "u_kg").iter_rows())
+    own = replayed.frames["budget"].filter(pl.col("cause").is_in(_no_common_causes(replayed)))
+    own_kg = dict(own.group_by("load_id").agg((pl.col("u_kg") ** 2).sum().sqrt()).iter_rows())
     found: list[dict[str, Any]] = []
     for row in replayed.frames["manoeuvres"].to_dicts():
         load = loads[row["load_id"]]
         withheld = f"this log cannot weigh: {load['withheld_for']}" if load["withheld"] else ""
-        # what is common to all logs of a calibration is none of a log's own
-        common_kg = _without(load["u_common_kg"], learnt_kg.get(row["load_id"]))
+        common_kg = _without(load["u_common_kg"], own_kg.get(row["load_id"]))
         found.append(_said(row, row["mass_kg"], row["mass_std_kg"], common_kg, withheld))
     return found
+
+
+def _no_common_causes(replayed: Run) -> list[str]:
+    """What a log's budget has as common that is not common to the campaign's masses.
+
+    What the means of learnt priors have wrong the line takes with it. Their widths are what differs
+    from log to log: anew in every log, so that it scatters the runs about the line.
+    """
+    nuisances = replayed.frames["nuisances"]
+    if "prior_mean_u" not in nuisances.columns:
+        return []
+    learnt = nuisances.filter(pl.col("prior_mean_u") > 0.0)["term"]
+    return ["learnt", *("slip" if term == "wheel_slip" else term for term in learnt)]
 
 
 def _without(u_kg: float | None, part_kg: float | None) -> float | None:

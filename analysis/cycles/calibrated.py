@@ -5,27 +5,38 @@ from typing import Any, Final
 
 import numpy as np
 import polars as pl
+from numpy.typing import NDArray
 
 from analysis.calibration.calibration import Calibration
-from analysis.schema import QUALITY, conform
+from analysis.calibration.differences import difference_on_line
+from analysis.calibration.unlike import Unlike
+from analysis.schema import MOVED, QUALITY, conform
 from estimators.errors import DataError, nearest
+
+Floats = NDArray[np.float64]
 
 #: Lines whose estimate is the mass of a state, and lines of a difference of two.
 _OF_MASS: Final = "joint_mass"
 _OF_PAYLOAD: Final = "joint_payload"
+#: What payloads have in common, and of that what all have alike.
+_COMMON: Final = ("common", "shared")
 
 
-def calibrated_cycles(cycles: pl.DataFrame, calibration: Calibration) -> pl.DataFrame:
+def calibrated_cycles(
+    cycles: pl.DataFrame, calibration: Calibration, unlike: Unlike | None = None
+) -> pl.DataFrame:
     """Put payloads on the line m̂ = c0 + c1 m: of a difference of masses the constant cancels.
 
-    What the line does not know is common to all cycles; it stands beside what the log has in
-    common, which is not taken off: a calibration holds for the machine, nuisances are the log's.
+    What the line does not know is common to all cycles. Of what the log has in common, the line has
+    taken with it the scale and what the means of learnt priors have wrong; what is left of these is
+    what they do to this log otherwise than to the campaign's.
 
     A cycle whose load is outside of what was calibrated has no payload, and says so.
 
     Args:
         cycles: the frame.
         calibration: of the machine.
+        unlike: what the log says of errors that it shares with its campaign; None takes none off.
 
     Raises:
         DataError: the line is of another estimator.
@@ -35,28 +46,25 @@ def calibrated_cycles(cycles: pl.DataFrame, calibration: Calibration) -> pl.Data
             f"calibration: it is of '{calibration.method}', no mass of cycles: "
             f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
-    slope, payload = calibration.c1_1, cycles["payload_kg"].to_numpy()
-    if calibration.method == _OF_MASS:
-        mass = payload / slope
-        line_kg = np.abs(mass) * np.sqrt(calibration.covariance[2]) / abs(slope)
-    else:
-        mass = (payload - calibration.c0_kg) / slope
-        off = mass - calibration.centre_kg
-        level, both, own = calibration.covariance
-        line_kg = np.sqrt(np.maximum(level + 2.0 * both * off + own * off**2, 0.0)) / abs(slope)
-    random_kg = cycles["payload_u_random_kg"].to_numpy() / abs(slope)
-    common_kg, shared_kg = (
-        np.hypot(cycles[f"payload_u_{part}_kg"].to_numpy() / abs(slope), line_kg)
-        for part in ("common", "shared")
-    )
+    numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
+    payload_kg = cycles["payload_kg"].cast(pl.Float64).to_numpy()
+    on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
+    common, shared = (on_line.beside(_numbers(cycles, f"payload_u_{n}_kg")) for n in _COMMON)
+    shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
+    common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
+    common_kg = np.maximum(common_kg, shared_kg)
+    random_kg = _numbers(cycles, "payload_u_random_kg") / on_line.size_1
     found = {
-        "payload_kg": mass,
+        "payload_kg": on_line.payload_kg,
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_shared_kg": shared_kg,
         "payload_u_kg": np.hypot(random_kg, common_kg),
     }
-    reasons = pl.Series("reason", [_outside(row, calibration) for row in cycles.to_dicts()])
+    off_kg, u_kg = _apart(calibration, unlike)
+    reasons = pl.Series(
+        "reason", [_outside(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
+    )
     refused = reasons.to_numpy() != ""
     columns = [
         pl.Series(name, np.where(refused, np.nan, value)).fill_nan(None)
@@ -70,10 +78,34 @@ def calibrated_cycles(cycles: pl.DataFrame, calibration: Calibration) -> pl.Data
     return conform("cycles", said.drop("refused", "reason"))
 
 
-def _outside(row: Mapping[str, Any], calibration: Calibration) -> str:
+def _numbers(cycles: pl.DataFrame, name: str) -> Floats:
+    """A column as floats, NaN where it is null."""
+    return cycles[name].cast(pl.Float64).to_numpy()
+
+
+def _apart(calibration: Calibration, unlike: Unlike | None) -> tuple[float, float]:
+    """What the log's masses are off by beside their line, in their mean, and the u of that."""
+    of_masses = (
+        [] if unlike is None else [x for (of, _), x in unlike.moved_kg.items() if of == MOVED[0]]
+    )
+    if (
+        unlike is None
+        or not of_masses
+        or not calibration.responses
+        or calibration.method == _OF_PAYLOAD
+    ):
+        return 0.0, 0.0
+    moved_kg = np.mean(of_masses, axis=0)
+    return unlike.off_kg(moved_kg, unlike.line(calibration.responses, 1.0, 0.0))
+
+
+def _outside(
+    row: Mapping[str, Any], calibration: Calibration, off_kg: float, unlike_u_kg: float
+) -> str:
     """Why a cycle is none of the line's; "" where it is, or has no mass anyway."""
     name = "loaded" if calibration.method == _OF_MASS else "payload"
     mass_kg, u_kg = row[f"{name}_kg"], row["loaded_u_kg"]
     if row["payload_kg"] is None:
         return ""
-    return calibration.calibrated(mass_kg, u_kg, row["manoeuvres"]).reason
+    count = row["manoeuvres"]
+    return calibration.calibrated(mass_kg - off_kg, u_kg, count, unlike_u_kg).reason

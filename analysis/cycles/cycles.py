@@ -75,12 +75,29 @@ def cycles(
 ) -> pl.DataFrame:
     """Make `cycles`.
 
+    See `cycles_and_weights`.
+    """
+    return cycles_and_weights(weighing, frames, machine, verdict, known)[0]
+
+
+def cycles_and_weights(
+    weighing: Weighing | None,
+    frames: dict[str, pl.DataFrame],
+    machine: Machine,
+    verdict: Verdict,
+    known: Passes | None = None,
+) -> tuple[pl.DataFrame, dict[int, Floats]]:
+    """Make `cycles`, and say of which masses each payload is a sum.
+
     Args:
         weighing: the joint fit, for what is common to all payloads.
         frames: `aligned`, `excitation`, `digging`, `loads` and `manoeuvres` of a run.
         machine: for the scale.
         verdict: what it forbids is withheld.
         known: the passes, where they are not to be looked for.
+
+    Returns:
+        The frame, and by the number of each cycle with a payload (masses,) weights of the fit's.
     """
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
@@ -93,7 +110,7 @@ def cycles(
     if known is None:
         parts, contradicts = with_witnessed(parts, found, digs, *motion)
     if not parts:
-        return _frame([])
+        return _frame([]), {}
     withheld = ", ".join(check.check for check in verdict.failed("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
@@ -103,20 +120,26 @@ def cycles(
     common = _common(weighing, machine, found, parts, share)
     cleanest = _cleanest(found)
     rows: list[dict[str, object]] = []
+    known_sums = weighing is not None and weighing.fit.states is not None and bool(found.of.size)
+    of_states = states_of_passes(weighing.fit, found) if weighing and known_sums else None
+    sums: dict[int, Floats] = {}
     ready_ns = int(frames["excitation"]["t_ns"][0])
     counts = np.bincount(found.of)
     for number, part in enumerate(parts, start=1):
         row: dict[str, object] = {"cycle": number, **_times(part, ready_ns)}
         reason = withheld or _reason(part)
         if not reason:
+            weights = pass_weights(part, share, found.mass_kg.size)
             row |= _masses(part, found, share, cleanest)
-            row |= _uncertainty(row, common, pass_weights(part, share, found.mass_kg.size))
+            row |= _uncertainty(row, common, weights)
+            if of_states is not None:
+                sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
         row["quality"], row["counted"] = _quality(row, part)
         row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
-    return _frame(rows)
+    return _frame(rows), sums
 
 
 def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:

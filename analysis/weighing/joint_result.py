@@ -9,7 +9,7 @@ import numpy as np
 from analysis.weighing.averages import EarlierRounds
 from analysis.weighing.effects import LikelyEffects
 from analysis.weighing.equation import Equation, Floats
-from analysis.weighing.kinematics import Kinematics
+from analysis.weighing.kinematics import TERMS, Kinematics
 from analysis.weighing.nuisances import Nuisance
 from analysis.weighing.squat import Squat
 from analysis.weighing.states import States
@@ -138,6 +138,24 @@ class JointFit:
         responses = self.fit.responses[self.count + 1 :]
         return responses * (self.prior_means.mean_u / self.prior_std)[:, None]
 
+    @cached_property
+    def of_means(self) -> tuple[tuple[str, ...], Floats]:
+        """Terms whose means a calibration learnt, and what one uncertainty of each moves masses by.
+
+        Returns:
+            Their names, and (terms, masses) in kg.
+        """
+        uncertain = np.flatnonzero(self.prior_means.mean_u > 0.0)
+        names = [self.terms[k].name for k in uncertain]
+        moved_kg = self._of_means[uncertain, : self.count]
+        wheels = self.kinematics
+        if wheels is not None and wheels.mean_u.any():
+            each = np.eye(self.theta.size)[: self.count]
+            by_wheels = np.array([self._moves(weights) for weights in each]) * wheels.mean_u
+            names += TERMS
+            moved_kg = np.vstack([moved_kg, by_wheels.T])
+        return tuple(names), moved_kg
+
     @property
     def lag_s(self) -> float:
         """How late the force is."""
@@ -202,7 +220,7 @@ class JointFit:
             "averaging": abs(self.averaging_share * mass_kg),
         }
         parts |= self._of_wheels(wide, parts["slip"])
-        learnt_kg = np.append(self._of_means @ wide, self._of_wheels_means(wide))
+        learnt_kg = self.of_means[1] @ weights
         if learnt_kg.any():
             parts["learnt"] = float(np.linalg.norm(learnt_kg))
         wheels = self.kinematics
@@ -254,11 +272,6 @@ class JointFit:
         if self.motion.by_accelerometer:
             parts |= {"gain": abs(float(found[1])), "speed_delay": abs(float(found[2]))}
         return parts
-
-    def _of_wheels_means(self, weights: Floats) -> Floats:
-        """What the uncertainties of a calibration's slip, gain and delay do to a sum of masses."""
-        wheels = self.kinematics
-        return np.zeros(0) if wheels is None else self._moves(weights) * wheels.mean_u
 
     def _moves(self, weights: Floats) -> Floats:
         """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""

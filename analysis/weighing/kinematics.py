@@ -160,7 +160,7 @@ def kinematics(
         # on even ground what is left of gravity is less than the noise of the pitch
         upright = motion.specific_force - squat[0] * motion.without_gravity
         even = _compared(upright, motion, noise, priors, told)
-        best = min([level, *([] if even is None else [even])], key=lambda each: each.mismatch)
+        best = level if even is None or level.mismatch < even.mismatch else even
         if best.goes_together or best.mismatch < found.mismatch:
             return replace(best, squat=squat)
     return level if level.mismatch < _BETTER * found.mismatch else found

@@ -126,7 +126,7 @@ def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     for state in np.argsort(fit.masses_kg, kind="stable").tolist():
         if state == lightest:
             continue
-        weights = _against(weighing, state, found)
+        weights = weights_against(weighing, state, found)
         random_kg = combined(budget(weighing, machine, weights), "random")
         if float(weights @ fit.masses_kg) > _AS_LIGHT * random_kg:
             break
@@ -134,7 +134,7 @@ def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     return sorted(found)
 
 
-def _against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
+def weights_against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass less the mean of others, by how many manoeuvres each has."""
     states = weighing.fit.states
     assert states is not None
@@ -202,7 +202,7 @@ def _payload(
     fit, body = weighing.fit, machine.machine
     names = ("payload_kg", "payload_u_kg", "payload_u_random_kg")
     if empty:
-        weights = _against(weighing, state, empty)
+        weights = weights_against(weighing, state, empty)
         sources = budget(weighing, machine, weights)
         numbers = (
             float(weights @ fit.masses_kg),
@@ -257,8 +257,13 @@ def _growing(weighing: Weighing, excitation: pl.DataFrame) -> str:
     return "; ".join(told[:_TOLD] + more)
 
 
-def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.DataFrame:
-    """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself."""
+def manoeuvre_frame(
+    weighing: Weighing | None, excitation: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """Make `manoeuvres`: a row a manoeuvre that was fitted, with the mass it says by itself.
+
+    As those of loads, masses are without what only turns.
+    """
     if weighing is None or weighing.fit.states is None:
         return _empty("manoeuvres")
     fit, states = weighing.fit, weighing.fit.states
@@ -268,7 +273,7 @@ def manoeuvre_frame(weighing: Weighing | None, excitation: pl.DataFrame) -> pl.D
     first = np.flatnonzero(np.append(True, np.diff(place) > 0))
     last = np.append(first[1:] - 1, place.size - 1)
     # the nuisances that the answer took off have its bias as well
-    shift_kg = fit.masses_kg - states.means_kg
+    shift_kg = fit.masses_kg - states.means_kg - machine.machine.rotating_mass_kg
     return build(
         "manoeuvres",
         {
@@ -310,11 +315,12 @@ def _terms(weighing: Weighing) -> pl.DataFrame:
     """The terms of the fit."""
     fit, own = weighing.fit, weighing.alone
     parts_kg = fit.parts_kg(fit.weights(fit.main))
+    prior_std, mean_u = fit.prior_std.copy(), fit.prior_means.mean_u.copy()
     columns = {
         "term": [term.name for term in fit.terms],
         "unit": [term.unit for term in fit.terms],
         "prior_mean": fit.prior_means.mean,
-        "prior_std": fit.prior_std,
+        "prior_std": prior_std,
         "posterior": fit.posterior[0],
         "posterior_std": fit.posterior[1],
         "u_kg": [parts_kg[term.name] for term in fit.terms],
@@ -322,8 +328,13 @@ def _terms(weighing: Weighing) -> pl.DataFrame:
     }
     if own is None:
         return pl.DataFrame(columns)
+    learnt = weighing.learnt if weighing.told else {}
+    for place, term in enumerate(fit.terms):
+        if term.name in learnt and not fit.prior_means.mean_u[place]:
+            prior_std[place] = learnt[term.name].std
+            mean_u[place] = learnt[term.name].mean_u
     alone = {
-        "prior_mean_u": fit.prior_means.mean_u,
+        "prior_mean_u": mean_u,
         "alone": own.posterior[0],
         "alone_std": own.posterior[1],
         "alone_prior_mean": own.prior_means.mean,

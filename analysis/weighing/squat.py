@@ -167,8 +167,8 @@ def _by_pitch(motion: Equation, loads: RelativeLoads) -> tuple[float, float] | N
         return None
     # beside the share and the rate, the share that grows with the load
     times = np.column_stack([relative, np.ones((relative.size, 2))])
-    both = np.ix_(np.arange(relative.size), [0, 0, 1], [0, 0, 1])
-    columns = times[:, :, None] * squats.columns[both] * times[:, None, :]
+    columns = squats.columns[:, [0, 0, 1], :][:, :, [0, 0, 1]]
+    columns = times[:, :, None] * columns * times[:, None, :]
     solved = instrumented(columns, times * squats.response[:, [0, 0, 1]])
     if solved is None:
         return None

@@ -1,6 +1,7 @@
 """Weigh a log: the joint fit, how it bears other priors, and whether braking goes with driving."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,7 @@ import polars as pl
 from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
 from analysis.regressor import X
-from analysis.settings import PriorSettings
+from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import Averages
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.growth import Filling, Growth, filling, growing
@@ -24,6 +25,7 @@ from analysis.weighing.joint_fit import (
     with_states,
 )
 from analysis.weighing.joint_result import JointFit
+from analysis.weighing.kinematics import TERMS
 from analysis.weighing.nuisances import CURVATURE, FILLING
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
@@ -37,6 +39,8 @@ _CURVED: Final = 6.0
 _COUNTS: Final = 0.01
 #: Means of so many samples of a derivative are differences.
 _LONG: Final = 20
+#: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
+_TOLD_ROUNDS: Final = 2
 #: Fewer samples are not fitted.
 _FEWEST: Final = 100
 
@@ -77,6 +81,8 @@ class Weighing:
         filling: what a load that grows at every start alike explains, by this log itself.
         growing: the manoeuvres whose load changes while they drive; they are not fitted.
         alone: the same fit without what a calibration learnt; None where that is the answer.
+        informed: the same with learnt priors as wide as their means are uncertain, likewise.
+        learnt: the priors that a calibration learnt.
     """
 
     fit: JointFit
@@ -89,6 +95,13 @@ class Weighing:
     filling: Filling
     growing: tuple[Growth, ...]
     alone: JointFit | None = None
+    informed: JointFit | None = None
+    learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
+
+    @property
+    def told(self) -> bool:
+        """Whether the answer's own fit tells what the means of learnt priors have wrong."""
+        return self.informed is self.fit
 
     @property
     def own(self) -> JointFit:
@@ -135,7 +148,25 @@ def weigh(
         noise: of the columns.
         machine: wheels, settings, priors.
     """
-    settings, priors = machine.settings, machine.settings.priors
+    priors = machine.settings.priors
+    if priors.learnt and priors.learnt_means == "told":
+        # means that are wrong spoil a log of several loads, which tells them better
+        found = _weighed(aligned, excitation, gated, noise, machine, informed_priors(priors))
+        if found is not None and found.fit.count > 1:
+            return replace(found, informed=found.fit, learnt={**priors.learnt})
+    return _weighed(aligned, excitation, gated, noise, machine, priors)
+
+
+def _weighed(
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    gated: pl.DataFrame,
+    noise: pl.DataFrame,
+    machine: Machine,
+    priors: PriorSettings,
+) -> Weighing | None:
+    """The same with these priors."""
+    settings = machine.settings
     known = ColumnNoise.of(X, noise, settings.noise)
     if known is None:
         return None
@@ -197,6 +228,10 @@ def weigh(
         filling(own, columns, own_priors, rows if own is fit else None),
         grown,
         alone,
+        None
+        if alone is None
+        else again(fit, columns, informed_priors(priors), rounds=_TOLD_ROUNDS),
+        {**priors.learnt},
     )
 
 
@@ -216,6 +251,20 @@ def _alone(fit: JointFit, noise: NoiseOfColumns, priors: PriorSettings) -> Joint
 
 def _without_learnt(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": {}})
+
+
+def informed_priors(priors: PriorSettings) -> PriorSettings:
+    """Learnt priors as wide as a log may find their terms: their means are uncertain as well.
+
+    Those of wheels against accelerometer stay.
+    """
+    learnt = {
+        name: term
+        if name in TERMS
+        else LearntTerm(mean=term.mean, std=float(np.hypot(term.std, term.mean_u)), mean_u=0.0)
+        for name, term in priors.learnt.items()
+    }
+    return priors.model_copy(update={"learnt": learnt})
 
 
 def _apart_kg(one: JointFit, other: JointFit) -> float:
@@ -251,5 +300,7 @@ def _scaled(priors: PriorSettings, times: float) -> PriorSettings:
         name: term.model_copy(update={"std": term.std * times})
         for name, term in priors.learnt.items()
     }
-    widths = {n: v * times for n, v in priors.model_dump(exclude={"learnt"}).items()}
+    widths = {
+        n: v * times for n, v in priors.model_dump(exclude={"learnt", "learnt_means"}).items()
+    }
     return priors.model_copy(update={**widths, "learnt": learnt})

@@ -1,6 +1,7 @@
 """What evidence holds that follows from the campaign and machine files alone."""
 
 import hashlib
+from collections.abc import Container, Iterator, Mapping
 from typing import Any
 
 from analysis.calibration.campaign import CalibrationCampaign
@@ -10,14 +11,20 @@ from recordings.evidence.canonical import canonical
 from recordings.evidence.document import Estimator, ReferenceLoad
 
 
-def estimator_of(campaign: CalibrationCampaign, machine: Machine) -> Estimator:
+def estimator_of(
+    campaign: CalibrationCampaign, machine: Machine, kept: Machine | None = None
+) -> Estimator:
     """The estimator by name, and the digest of what defines it: channels, settings, priors.
 
     Args:
         campaign: its method.
         machine: with the priors that were learnt. When it was empty is no part of how it weighs.
+        kept: the machine as earlier evidence has it, without settings that came later.
     """
-    defined = {"estimator": campaign.method.estimator, "machine": definition(machine)}
+    own = definition(machine)
+    if kept is not None:
+        own = _without(own, set(later_settings(kept)))
+    defined = {"estimator": campaign.method.estimator, "machine": own}
     return Estimator(
         name=campaign.method.estimator,
         definition_sha256=hashlib.sha256(canonical(defined)).hexdigest(),
@@ -29,6 +36,29 @@ def definition(machine: Machine) -> dict[str, Any]:
     values = machine.model_dump(mode="json")
     del values["settings"]["loads"]
     return values
+
+
+def later_settings(kept: Machine) -> tuple[str, ...]:
+    """Names of what came after evidence was made, and is taken at its default: dotted, in order."""
+    there = kept.model_dump(mode="json", exclude_unset=True)
+    return tuple(_lacking(kept.model_dump(mode="json"), there))
+
+
+def _lacking(whole: Mapping[str, Any], there: Mapping[str, Any], at: str = "") -> Iterator[str]:
+    for name, value in whole.items():
+        if name not in there:
+            yield f"{at}{name}"
+        elif isinstance(value, dict):
+            yield from _lacking(value, there[name], f"{at}{name}.")
+
+
+def _without(values: Mapping[str, Any], names: Container[str], at: str = "") -> dict[str, Any]:
+    """The same without some names, dotted."""
+    return {
+        name: _without(value, names, f"{at}{name}.") if isinstance(value, dict) else value
+        for name, value in values.items()
+        if f"{at}{name}" not in names
+    }
 
 
 def reference_loads(

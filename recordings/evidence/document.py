@@ -21,7 +21,10 @@ from estimators.errors import EvidenceError
 from recordings.evidence.canonical import canonical, parse
 
 _FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-FORMAT: Final = "payscope-calibration-evidence/1"
+#: Format 1 does not say what the errors of learnt means did to its runs and its line.
+_FIRST: Final = "payscope-calibration-evidence/1"
+FORMAT: Final = "payscope-calibration-evidence/2"
+_NOT_IN_FIRST: Final = {"learnt": {"responses"}, "calibration": {"responses"}}
 #: What the schema is published as.
 SCHEMA: Final = "evidence.schema.json"
 Notice = Literal[
@@ -160,7 +163,7 @@ class EvidenceDocument(BaseModel):
 
     model_config = _FORBID
 
-    format: Literal["payscope-calibration-evidence/1"]
+    format: Literal["payscope-calibration-evidence/1", "payscope-calibration-evidence/2"]
     kind: Literal["calibration", "check"]
     id: Id
     made: Stamp
@@ -187,8 +190,11 @@ class EvidenceDocument(BaseModel):
 
     @property
     def data(self) -> bytes:
-        """The bytes of `evidence.json`."""
-        return canonical(self.model_dump(mode="json"))
+        """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
+        left_out = _NOT_IN_FIRST if self.format == _FIRST else None
+        values = self.model_dump(mode="json", exclude=left_out)
+        values["machine"] = self.machine.model_dump(mode="json", exclude_unset=True)
+        return canonical(values)
 
     @property
     def weighing(self) -> Machine:

@@ -20,6 +20,20 @@ TERMS: Final[Mapping[LearnableTerm, tuple[str, str]]] = {
 }
 
 
+#: Which runs of a campaign would tell a term better.
+RUNS: Final[Mapping[LearnableTerm, str]] = {
+    "const": "runs in both directions, at different throttles",
+    "lag": "runs with sharper starts",
+    "slip": "runs at different throttles",
+    "quadratic": "runs that cruise at several speeds",
+    "direction": "runs in both directions, at different throttles",
+    "load_transfer": "runs at different throttles",
+    "wheel_slip": "runs at different throttles",
+    "gain": "a known distance rolled, for the wheel radius",
+    "speed_delay": "runs with sharper starts",
+}
+
+
 def learnt_rows(learnt: LearntPriors | None) -> list[Mapping[str, Any]]:
     """A row a term: what it is, mean and its uncertainty, width, in how many logs.
 

@@ -16,7 +16,7 @@ from analysis.calibration.learnt import learnt_terms
 from analysis.calibration.mass_check import check_known_mass
 from estimators.errors import CampaignError
 from recordings.evidence.as_found import rms_error_kg
-from recordings.evidence.derived import estimator_of, reference_loads
+from recordings.evidence.derived import estimator_of, later_settings, reference_loads
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.findings import BundleFinding, BundleOutcome
 from recordings.evidence.folder import EVIDENCE, POINTS, READINGS, REPORT
@@ -24,6 +24,7 @@ from recordings.evidence.report import report_html
 
 #: Another processor or library has other last bits.
 _LAST_BITS: Final = 1e-9
+_LATER: Final = "made before there was {}: taken at the default, here and where it is used"
 #: Of a list of differences, so many are named.
 _MOST: Final = 5
 _LONGEST: Final = 200
@@ -48,7 +49,8 @@ def recompute(
     Returns:
         What differs, and notes for the reader.
     """
-    notes: list[str] = []
+    later = later_settings(document.machine)
+    notes = [_LATER.format(", ".join(later))] if later else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
         (EVIDENCE, lambda: _of_files(document)),
@@ -132,7 +134,7 @@ def _of_files(document: EvidenceDocument) -> Findings:
     if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
     yield from _of_learnt(document)
-    if document.estimator != estimator_of(campaign, document.weighing):
+    if document.estimator != estimator_of(campaign, document.weighing, machine):
         yield _irreproducible("estimator", "is not that of the settings")
     try:
         loads, covariance = reference_loads(campaign, machine)
@@ -260,7 +262,8 @@ def _refitted(
     campaign, body = document.campaign, document.machine.machine
     if document.kind == "check" and document.calibration is not None:
         return check_known_mass(campaign, body, readings, document.calibration)
-    return fit_campaign(campaign, body, readings, document.options), None
+    responses = () if document.learnt is None else document.learnt.responses
+    return fit_campaign(campaign, body, readings, document.options, responses), None
 
 
 def _plain(value: Any) -> Any:

@@ -8,6 +8,7 @@ import polars as pl
 from analysis.calibration.calibration import Calibration
 from analysis.calibration.next_load import next_load
 from recordings.evidence.document import EvidenceDocument
+from recordings.evidence.learnt_terms import RUNS, TERMS
 
 ESTIMATORS: Final = {
     "joint_mass": "mass by the joint fit, of machine and load",
@@ -48,6 +49,8 @@ def in_words(document: EvidenceDocument, readings: pl.DataFrame, points: pl.Data
             _about_beta(fitted),
             *(f"{_capital(said)}." for said in fitted.says),
             *_learnt(document),
+            *(_more_days(document) if document.kind == "calibration" else ()),
+            *(_unlike(fitted) if document.kind == "calibration" else ()),
             *(_advice(fitted) if document.kind == "calibration" else ()),
         ]
     if document.kind == "calibration":
@@ -98,6 +101,30 @@ def _learnt(document: EvidenceDocument) -> list[str]:
     return [
         f"The mass is found with what {logs} logs say together of {len(learnt.terms)} nuisances; "
         "what that has wrong is in every mass alike, and the line takes it with it."
+    ]
+
+
+def _more_days(document: EvidenceDocument) -> list[str]:
+    """What evidence of one day lacks; that of format 1 does not have the sentence."""
+    fitted = document.calibration
+    if fitted is None or not fitted.responses or not fitted.of_one_day:
+        return []
+    return [
+        "Evidence of one day: its intervals do not have what changes until another. Runs of "
+        "several days (five tell it well), or day_known_kg from earlier campaigns, would put it "
+        "in; until then an empty start in each later log shows whether the machine is the same."
+    ]
+
+
+def _unlike(fitted: Calibration) -> list[str]:
+    """What a log pays that is driven unlike these runs, and which runs would spare it most."""
+    if not fitted.responses:
+        return []
+    most = max(fitted.responses, key=lambda each: abs(each.level_kg))
+    return [
+        f"Logs that are driven unlike these runs pay most for the {TERMS[most.term][0]}: its "
+        f"uncertainty moved these runs by {abs(most.level_kg):,.1f} kg, and moves others by "
+        f"another amount. {_capital(RUNS[most.term])} would tell it better."
     ]
 
 

@@ -12,6 +12,7 @@ from typing import Literal
 import polars as pl
 
 from analysis.calibration.learnt import contradiction
+from analysis.calibration.unlike import Unlike
 from analysis.cycles.calibrated import calibrated_cycles
 from analysis.cycles.shift import recounted
 from analysis.fleet.days import UNDATED
@@ -184,7 +185,8 @@ def replayed(log: Log, setup: MachineSetup, source: str) -> Run:
     against = contradiction(made.frames["nuisances"])
     frames = dict(made.frames)
     if not against:
-        frames["cycles"] = calibrated_cycles(frames["cycles"], setup.by.calibration)
+        unlike = Unlike.of(frames)
+        frames["cycles"] = calibrated_cycles(frames["cycles"], setup.by.calibration, unlike)
         frames["shift"] = recounted(frames["shift"], frames["cycles"])
     return setup.by.of_run(Run(frames, made.provenance))
 

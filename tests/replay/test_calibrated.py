@@ -7,14 +7,18 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from analysis.calibration.learnt import as_later
 from estimators.errors import EvidenceError
 from recordings import read_frame, read_provenance
+from recordings.evidence.canonical import canonical
+from recordings.evidence.derived import estimator_of
+from recordings.evidence.document import document_of
 from replay.calibrate import Calibrated, calibrate
 from replay.calibrated import AskedCalibration, load_calibration
 from replay.check_mass import Known, check_mass
 from replay.machine_file import load_machine
 from replay.verify import verify
-from tests.replay.attacker import key_files
+from tests.replay.attacker import Bundle, key_files, tampered
 from tests.replay.sledge import Payscope, one_line
 from tests.replay.sledge_campaign import campaign_folder
 
@@ -162,5 +166,38 @@ def test_the_machine_that_is_weighed_is_that_of_the_evidence(
 ) -> None:
     held = load_calibration(AskedCalibration(made.folder))
     machine = held.weighing(load_machine(folder / "sledge.toml"))
-    assert machine == made.document.weighing
+    # but that a later log of several loads tells what the means have wrong
+    assert machine == as_later(made.document.weighing)
     assert held.other(machine) == ""
+
+
+def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
+    made: Calibrated, tmp_path: Path
+) -> None:
+    def as_first(bundle: Bundle) -> None:
+        bundle.evidence["format"] = bundle.evidence["format"].replace("/2", "/1")
+        del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
+
+    first = tampered(made.folder, tmp_path / "first", as_first, signed=True)
+    assert not verify(first).findings
+    held = load_calibration(AskedCalibration(first))
+    assert held.calibration.responses == ()
+    machine = held.weighing(load_machine(made.folder.parent / "sledge.toml"))
+    assert machine.settings.priors.learnt_means == "fixed"
+
+
+def test_evidence_made_before_a_setting_takes_its_default_and_says_so(
+    made: Calibrated, tmp_path: Path
+) -> None:
+    def before(bundle: Bundle) -> None:
+        del bundle.evidence["machine"]["settings"]["priors"]["sag_weight_share"]
+        document = document_of(canonical(bundle.evidence), "evidence.json")
+        estimator = estimator_of(document.campaign, document.weighing, document.machine)
+        bundle.evidence["estimator"] = estimator.model_dump(mode="json")
+
+    earlier = tampered(made.folder, tmp_path / "earlier", before, signed=True)
+    found = verify(earlier)
+    assert not found.findings
+    assert any("settings.priors.sag_weight_share" in note for note in found.notes)
+    held = load_calibration(AskedCalibration(earlier))
+    assert held.other(held.weighing(load_machine(made.folder.parent / "sledge.toml"))) == ""

@@ -6,7 +6,7 @@ import pytest
 from analysis.check import Verdict
 from analysis.uncertainty import combined, unknown_scale
 from analysis.weighing.budget import budget
-from analysis.weighing.loads import budget_frame, loads, nuisances
+from analysis.weighing.loads import budget_frame, loads, manoeuvre_frame, nuisances
 from tests.analysis.opinions import CANNOT_WEIGH, WEIGHS
 from tests.analysis.weighing.weighed import RICH, Weighed, weighed
 
@@ -83,6 +83,13 @@ class TestBody:
         assert load["payload_kg"] is None
         assert load["payload_u_kg"] is None
         assert load["mass_kg"] is not None
+
+    def test_manoeuvres_are_without_what_only_turns_as_their_load_is(self, log):
+        machine = with_body(log, rotating_mass_kg=150.0)
+        excitation = log.replayed.frames["excitation"]
+        plain = manoeuvre_frame(log.weighing, excitation, log.machine)["mass_kg"]
+        geared = manoeuvre_frame(log.weighing, excitation, machine)["mass_kg"]
+        assert (plain - geared).to_list() == pytest.approx([150.0] * plain.len())
 
     def test_what_only_turns_is_taken_off_and_its_uncertainty_added(self, log):
         plain = the_load(log)

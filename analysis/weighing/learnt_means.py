@@ -1,0 +1,149 @@
+"""What errors of a calibration's learnt means do to a log's masses, and what the log says of them.
+
+The means of learnt priors are wrong by one error in all logs, ε in their standard uncertainties. A
+calibration's line has what ε did to its own logs. What it does to another log differs where that
+is driven otherwise; there the log itself says what ε is.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import polars as pl
+
+from analysis.machine import Machine
+from analysis.schema import MOVED, SCALE, build
+from analysis.uncertainty import combined
+from analysis.weighing.budget import budget
+from analysis.weighing.equation import Floats
+from analysis.weighing.kinematics import TERMS
+from analysis.weighing.loads import weights_against
+from analysis.weighing.weigh import Weighing
+
+
+@dataclass(frozen=True)
+class LearntErrors:
+    """What a log says of the errors of learnt means, in their standard uncertainties.
+
+    Attributes:
+        terms: whose means they are.
+        mean: (terms,) what the log says together with the calibration; 0 where it says nothing.
+        covariance: (terms, terms) of that; 1 where it says nothing.
+        by_fit_kg: (own terms, masses) what they move masses by, by how the two vary together.
+    """
+
+    terms: tuple[str, ...]
+    mean: Floats
+    covariance: Floats
+    by_fit_kg: Floats
+
+    @classmethod
+    def of(cls, weighing: Weighing) -> "LearntErrors":
+        """By the fit in which learnt priors are as wide as their means are uncertain.
+
+        What a log finds of a term is the error of its mean and what differs from log to log, by
+        their variances. Of wheels against accelerometer the calibration's word stands alone.
+        """
+        fit, learnt = weighing.informed, weighing.learnt
+        assert fit is not None
+        by_wheels = [term for term in weighing.fit.of_means[0] if term in TERMS]
+        known = [(k, term.name) for k, term in enumerate(fit.terms) if term.name in learnt]
+        # slip of which the wheels tell more has no learnt prior in the fit
+        own = [(k, n) for k, n in known if fit.prior_means.mean[k] == learnt[n].mean or n == "lag"]
+        mean_u = np.array([learnt[name].mean_u for _, name in own])
+        std = np.array([learnt[name].std for _, name in own])
+        share = mean_u / (mean_u**2 + std**2)
+        at = np.array([k for k, _ in own], np.int64)
+        place = at + fit.count + 1
+        apart = fit.theta[place] - [learnt[name].mean for _, name in own]
+        found = fit.fit.covariance[np.ix_(place, place)] * np.outer(share, share)
+        covariance = np.eye(len(own) + len(by_wheels))
+        covariance[: len(own), : len(own)] = found + np.diag(std**2 / (mean_u**2 + std**2))
+        together = -fit.fit.covariance[: fit.count, place] * share
+        return cls(
+            (*(name for _, name in own), *by_wheels),
+            np.append(-share * apart, np.zeros(len(by_wheels))),
+            covariance,
+            -np.asarray(
+                np.linalg.solve(covariance[: len(own), : len(own)], together.T), np.float64
+            ),
+        )
+
+    def moves(self, weighing: Weighing) -> Floats:
+        """(terms, masses) what the errors move the masses by, those of the means at hand, in kg."""
+        names, moved_kg = weighing.fit.of_means
+        own = dict(zip(names, moved_kg, strict=True))
+        by_fit = dict(zip(self.terms, self.by_fit_kg, strict=False)) if weighing.told else {}
+        none = np.zeros(weighing.fit.count)
+        return np.array([by_fit.get(term, own.get(term, none)) for term in self.terms])
+
+
+def responses(
+    weighing: Weighing | None, machine: Machine, loads: pl.DataFrame, payloads: Mapping[int, Floats]
+) -> dict[str, pl.DataFrame]:
+    """Make `responses` and `learnt_errors`; none where no calibration learnt anything.
+
+    Args:
+        weighing: the joint fit.
+        machine: for the scale, which a line takes with it as well.
+        loads: the frame, for the empty ones.
+        payloads: by the number of each cycle that has one, (masses,) weights of the masses in it.
+    """
+    if weighing is None or weighing.informed is None:
+        return {}
+    fit, errors = weighing.fit, LearntErrors.of(weighing)
+    empty = loads.filter("empty")["load_id"].to_list()
+    states = range(fit.count)
+    of_mass, of_payload, of_cycle = MOVED
+    moved_kg = errors.moves(weighing)
+
+    def rows_of(of: str, sums: Mapping[int, Floats]) -> list[dict[str, object]]:
+        return _rows(of, weighing, machine, errors.terms, moved_kg, sums)
+
+    rows = rows_of(of_mass, {k: fit.weights(k) for k in states})
+    if empty:
+        against = {k: weights_against(weighing, k, empty) for k in states if k not in empty}
+        rows += rows_of(of_payload, against)
+    rows += rows_of(of_cycle, payloads)
+    known = [
+        {
+            "term": one,
+            "other": other,
+            "error_1": errors.mean[i],
+            "covariance_1": value,
+            "told": weighing.told and one not in TERMS,
+        }
+        for i, one in enumerate(errors.terms)
+        for other, value in zip(errors.terms, errors.covariance[i].tolist(), strict=True)
+    ]
+    return {
+        "responses": build("responses", pl.DataFrame(rows).to_dict()),
+        "learnt_errors": build("learnt_errors", pl.DataFrame(known).to_dict()),
+    }
+
+
+def _rows(
+    of: str,
+    weighing: Weighing,
+    machine: Machine,
+    terms: Sequence[str],
+    moved_kg: Floats,
+    sums: Mapping[int, Floats],
+) -> list[dict[str, object]]:
+    """What moves sums of masses, by number: a row a term, and one for the scale."""
+    if not sums:
+        return []
+    fit = weighing.fit
+    total = np.sum(list(sums.values()), axis=0)
+    total_kg = abs(float(total @ fit.masses_kg))
+    # the same share of all
+    scale_1 = combined(budget(weighing, machine, total), "scale") / total_kg if total_kg else 0.0
+    rows: list[dict[str, object]] = []
+    for number, weights in sums.items():
+        by_term = dict(zip(terms, (moved_kg @ weights).tolist(), strict=True))
+        by_term[SCALE] = scale_1 * float(weights @ fit.masses_kg)
+        rows += [
+            dict[str, object](of=of, number=number, term=term, response_kg=value)
+            for term, value in by_term.items()
+        ]
+    return rows
