@@ -14,7 +14,7 @@ from analysis.machine import Channel, Machine
 from analysis.run import Run
 from analysis.schema import values
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
-from analysis.simulation.designs import Sections, drawn, joined
+from analysis.simulation.designs import Sections, drawn, joined, with_field_physics
 from analysis.simulation.faults import Fault, with_fault
 from benchmarks.weighed import machine
 from replay.memory_log import MemoryLog, reading_memory
@@ -93,6 +93,9 @@ def design(seed: int, *, odd: bool) -> Sections:
     if not odd:
         return found
     size = found["machine"]["mass_kg"] / 3614.0
+    # what an accelerometer is biased and tilted by is a cause, and no odd machine
+    field = with_field_physics(found, seed)
+    warming = ("friction_warming", "warming_s")
     kinds: list[dict[str, dict[str, Any]]] = [
         {"starts": {"stick_share": float(dice.uniform(0.05, 0.3))}},
         {"chassis": {"boom_kg": 50.0 * size}},
@@ -104,6 +107,10 @@ def design(seed: int, *, odd: bool) -> Sections:
         {"loading": {"change_kg": 250.0 * size, "change_before_start": campaign["runs"] // 2}},
         {"sensors": {"speed_lsb_m_s": 0.001, "acc_lsb_m_s2": 0.002}},
         {"starts": {"throttle_least": 1.0}},
+        {"rolling": field["rolling"]},
+        {"machine": {name: field["machine"][name] for name in warming}},
+        {"chassis": field["chassis"]},
+        {"brakes": field["brakes"]},
     ]
     chosen = dice.choice(len(kinds), 2, replace=False)
     return joined(found, *(kinds[int(number)] for number in chosen))

@@ -19,8 +19,9 @@ from estimators.fit_loss import group_rows
 #: Metres from where a stretch begins over which the grade is a cubic: half the length of a hill.
 _REACH_M: Final = 8.0
 _DEGREE: Final = 3
-#: Rates of change are over so many means to either side, 0.3 s at 100 Hz: less is noise.
-_RATE_MEANS: Final = 10
+#: Rates of change are over so many means to either side, 0.1 s at 100 Hz: springs swing faster than
+#: what a longer one sees.
+_RATE_MEANS: Final = 3
 #: Fewer rows of a stretch than this tell nothing beside four coefficients of the grade.
 _FEWEST_ROWS: Final = 20
 #: A squat that adds less than this share of the acceleration does not matter,
