@@ -239,7 +239,9 @@ class JointFit:
         """What is uncertain of the squat that the pitch shows, likewise."""
         if self.kinematics is None or not self.motion.by_accelerometer:
             return 0.0
-        return self.kinematics.squat[1] * abs(float(weights @ self.masses_kg))
+        # springs give way in proportion to the mass
+        by_load = 1.0 if self.squat is None else 1.0 + self.squat.relative_load
+        return self.kinematics.squat[1] * abs(float(weights @ (self.masses_kg * by_load)))
 
     @cached_property
     def term_responses(self) -> Floats:

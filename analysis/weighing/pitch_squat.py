@@ -30,6 +30,9 @@ _LEAST_SQUAT: Final = 0.005
 _FEWEST_STRETCHES: Final = 6
 #: A share counts from so many of its standard deviations on.
 _COUNTS: Final = 3.5
+#: Standard uncertainty of what a squat does to the accelerometer, over the squat: while the springs
+#: swing an accelerometer above their axis is moved as well, by half as much with 0.5 to 1 m.
+_SWINGS: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +111,7 @@ def pitch_squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None
     """By which share of the acceleration the pitch's gravity follows it; None where it does not.
 
     Returns:
-        The share and its standard deviation, by stretches.
+        The share, and the standard uncertainty of what it does to the accelerometer.
     """
     found = squats_of_stretches(gravity, motion)
     if found.first.size < _FEWEST_STRETCHES:
@@ -117,4 +120,6 @@ def pitch_squat(gravity: Floats, motion: Equation) -> tuple[float, float] | None
     if solved is None:
         return None
     share, std = float(solved[0][0]), float(np.sqrt(solved[1][0, 0]))
-    return (share, std) if share > max(_LEAST_SQUAT, _COUNTS * std) else None
+    if not share > max(_LEAST_SQUAT, _COUNTS * std):
+        return None
+    return share, float(np.hypot(std, _SWINGS * share))
