@@ -19,7 +19,7 @@ _TURNS_RAD_S = 0.02
 _AT = {name: number for number, name in enumerate(PARAMETERS)}
 
 
-class Motion(NamedTuple):
+class TurningSamples(NamedTuple):
     """A slice of samples, (m,) each, and the drive that they are of.
 
     Force and torque without a word are those of the model: the noise of measured ones would
@@ -54,7 +54,7 @@ class Drive:
         plane: motion and forces.
         machine: what the file says of it.
         coefficients: (6,) of the plane's regressor; what is not determined is 0.
-        of_samples: (9, n) the fields of `Motion` from its force to its heading.
+        of_samples: (9, n) the fields of `TurningSamples` from its force to its heading.
         largest_force: that the log drives with, N.
         largest_torque: likewise, N·m.
         largest_speed: likewise, m/s.
@@ -120,10 +120,10 @@ class Drive:
         """The same of a slice of samples."""
         return replace(self, plane=self.plane.cut(part), of_samples=self.of_samples[:, part])
 
-    def motion(self, part: slice) -> Motion:
+    def motion(self, part: slice) -> TurningSamples:
         """The samples of a slice."""
         moved = self.plane.motion
-        return Motion(
+        return TurningSamples(
             moved.specific_force_x[part],
             moved.specific_force_y[part],
             moved.speed[part],

@@ -58,7 +58,7 @@ class _Log:
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _NamedEstimate:
     """A fit, and the names of its priors."""
 
     estimate: BaseEstimate
@@ -168,7 +168,7 @@ def _is_of(name: str, axis: Axis) -> bool:
     )
 
 
-def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _Told] | None:
+def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate] | None:
     """One fit over all motion, where there is turning enough and a yaw torque; else None."""
     plane, settings = log.plane, log.machine.settings
     used = plane.usable & plane.moving
@@ -217,7 +217,7 @@ def _fit(
     known: Prior,
     rows: slice,
     columns: tuple[int, ...] = _ALL,
-) -> _Told:
+) -> _NamedEstimate:
     """Fit the samples of segment_id >= 0 with the terms of these rows.
 
     Args:
@@ -245,7 +245,7 @@ def _round(
     known: Prior,
     rows: slice,
     columns: tuple[int, ...],
-) -> _Told:
+) -> _NamedEstimate:
     """One fit, with the terms of a machine of these coefficients (6,)."""
     where = np.flatnonzero(segment_id >= 0)
     part = slice(int(where[0]), int(where[-1]) + 1)
@@ -266,7 +266,7 @@ def _round(
         np.concatenate([noise, np.zeros((noise.shape[0], len(terms)))], axis=1),
         regressor.loading,
     )
-    return _Told(fitted, prior.names)
+    return _NamedEstimate(fitted, prior.names)
 
 
 def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
@@ -280,7 +280,7 @@ def _of_rows(known: Prior, rows: slice, names: tuple[str, ...]) -> Prior:
 
 
 def _row(
-    kind: str, log: _Log, used: Bools, fitted: _Told, known: tuple[str, ...]
+    kind: str, log: _Log, used: Bools, fitted: _NamedEstimate, known: tuple[str, ...]
 ) -> dict[str, Any]:
     """What a fit says, by column."""
     estimate, plane = fitted.estimate, log.plane
@@ -327,7 +327,7 @@ def _row(
     return row
 
 
-def _unknown(fitted: _Told, gradients: list[Floats], machine: Machine) -> str:
+def _unknown(fitted: _NamedEstimate, gradients: list[Floats], machine: Machine) -> str:
     """What the machine file should state and does not, for any of these quantities."""
     told = [g for g in gradients if np.isfinite(g).all()]
     each = [sources(fitted.estimate, g, fitted.priors, machine) for g in told]
@@ -345,7 +345,9 @@ _QUANTITIES: Final = {
 }
 
 
-def _budget(row: Mapping[str, Any], fitted: _Told, machine: Machine) -> list[dict[str, Any]]:
+def _budget(
+    row: Mapping[str, Any], fitted: _NamedEstimate, machine: Machine
+) -> list[dict[str, Any]]:
     """Where the uncertainty of each quantity that all motion tells comes from."""
     parts: list[dict[str, Any]] = []
     for quantity, unit in _QUANTITIES.items():

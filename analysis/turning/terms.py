@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.machine import Machine
 from analysis.settings import PriorSettings
-from analysis.turning.drive import Drive, Motion
+from analysis.turning.drive import Drive, TurningSamples
 from analysis.uncertainty import IMU_POSITION, SCALES, Scale, turned_by_sides
 from analysis.weighing.nuisances import constant_force_std, coulomb_std
 from estimators.estimate import Floats
@@ -44,7 +44,7 @@ class Term:
     """
 
     name: str
-    columns: Callable[[Motion], Columns]
+    columns: Callable[[TurningSamples], Columns]
     width: Callable[[Drive, PriorSettings], float]
     meaning: str
     shrinks: str
@@ -76,14 +76,14 @@ def _slope(machine: Machine) -> bool:
     return _blind_along(machine) or _blind_sideways(machine)
 
 
-def _unseen_gravity(m: Motion, along: Floats, across: Floats) -> Columns:
+def _unseen_gravity(m: TurningSamples, along: Floats, across: Floats) -> Columns:
     """The force of a gravity (along, across) the machine of which no channel tells."""
     x = along if _blind_along(m.drive.machine) else 0.0 * along
     y = across if _blind_sideways(m.drive.machine) else 0.0 * across
     return m.drive.mass_kg * x, m.drive.moment_x_kg_m * y - m.drive.moment_y_kg_m * x
 
 
-def _slip(m: Motion) -> Columns:
+def _slip(m: TurningSamples) -> Columns:
     slips = np.abs(m.speed) * np.abs(m.force)
     sideways = None
     if not measures_sideways(m.drive.machine) and m.drive.mass_kg:
@@ -92,7 +92,7 @@ def _slip(m: Motion) -> Columns:
     return along, sideways
 
 
-def _gyro_bias(m: Motion) -> Columns:
+def _gyro_bias(m: TurningSamples) -> Columns:
     sideways = 0.0 if measures_sideways(m.drive.machine) else m.drive.moment_x_kg_m
     return -2.0 * m.drive.moment_x_kg_m * m.yaw_rate, sideways * m.speed + m.drive.turning_friction
 
@@ -108,7 +108,7 @@ def _acc_gain(d: Drive) -> Mixture:
     return {_MASS: d.mass_kg}, {_MOMENT_X: sideways, _MOMENT_Y: d.moment_y_kg_m}
 
 
-def _square(m: Motion, moment_kg_m: float) -> Columns:
+def _square(m: TurningSamples, moment_kg_m: float) -> Columns:
     """The yaw torque of an acceleration ω² a metre, which the six columns do not have."""
     return None, moment_kg_m * m.yaw_rate**2
 

@@ -138,7 +138,7 @@ class Averages:
 
 
 @dataclass(frozen=True)
-class Columns:
+class FitColumns:
     """What is averaged, whatever the length of the mean.
 
     Attributes:

@@ -8,8 +8,8 @@ import numpy as np
 from analysis.settings import PriorSettings
 from analysis.weighing.averages import (
     Averages,
-    Columns,
     EarlierRounds,
+    FitColumns,
     RelativeLoads,
     averages,
     stride_of,
@@ -96,7 +96,7 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
-    columns = Columns.of(part.motion, of.noise, terms, part.begun)
+    columns = FitColumns.of(part.motion, of.noise, terms, part.begun)
     first = [
         part.fitted(samples, _PILOT_ROUNDS, rows=columns.averaged(of.noise, samples))
         for samples in lengths

@@ -77,6 +77,8 @@ def test_the_runs_hold_every_declared_frame_and_none_of_all_manoeuvres_is_empty(
     stages = {name.partition("/")[0] for run in (whole, campaign) for name in run.frames}
     # these are of a calibration's own recording
     of_evidence = {"line", "points", "readings", "runs"}
+    # and these of logs that are weighed under one
+    of_evidence |= {"responses", "learnt_errors"}
     assert stages - {"raw"} == set(FRAMES) - of_evidence
     assert {f"estimates/{method}" for method in METHODS} <= set(whole.frames)
     # nobody digs in these runs
