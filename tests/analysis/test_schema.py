@@ -73,7 +73,15 @@ def test_a_name_says_the_dtype():
     whole = ("segment_id", "samples", "samples_accepted", "rows", "rows_z", "runs", "rank", "lag")
     whole += ("load_id", "manoeuvres", "mean_samples", "payload_to")
     words = ("kind", "identifiable", "combinations", "method", "check", "about", "meaning")
-    words += ("first", "second", "consequence", "remedy", "scale_unknown", "withheld_for")
+    words += (
+        "first",
+        "second",
+        "consequence",
+        "remedy",
+        "scale_unknown",
+        "withheld_for",
+        "scale_from",
+    )
     words += ("term", "unit", "cause", "shrinks", "said", "calibrated_reason")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
     words += ("run_id", "load", "day", "log", "left_out_for", "log_sha256", "recording")
