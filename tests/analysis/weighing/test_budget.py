@@ -28,7 +28,7 @@ def with_body(log, **known):
 def u_of(log, **known):
     """What each source contributes, in kg."""
     sources = budget(log.weighing, with_body(log, **known), ONE)
-    return {each.name: each.u_kg for each in sources}
+    return {each.name: each.u for each in sources}
 
 
 def the_load(log, verdict=WEIGHS, **known):
