@@ -81,6 +81,9 @@ def test_a_name_says_the_dtype():
         "scale_unknown",
         "withheld_for",
         "scale_from",
+        "payload_scale_unknown",
+        "com_scale_unknown",
+        "com_scale_unknown",
     )
     words += ("term", "unit", "cause", "shrinks", "said", "calibrated_reason")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
