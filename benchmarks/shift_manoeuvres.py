@@ -175,7 +175,7 @@ def weighed_shift(truth: DrawnShift, *, oracle: bool = False) -> ManoeuvreShift:
     machine = _MACHINE.model_copy(
         update={"machine": _MACHINE.machine.model_copy(update={"force_gain_u": GAIN_U})}
     )
-    table = cycles(weighing, frames, machine, Verdict(()), known)
+    table = cycles(weighing, frames, machine, Verdict(()), known).cycles
     summary = shift(table, frames["excitation"], frames["aligned"]).row(0, named=True)
     found = known or passes(frames["loads"], frames["manoeuvres"], frames["digging"])
     return _compared(truth, table, summary, found, hat)

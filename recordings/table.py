@@ -383,10 +383,11 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
         ),
         "loads": (
             "load_id start_t_ns end_t_ns manoeuvres u_random_kg u_common_kg "
-            "payload_u_random_kg payload_to empty scatter_kg scatter_known "
+            "payload_u_random_kg own_payload_kg own_payload_u_kg own_payload_u_random_kg "
+            "payload_to empty scatter_kg scatter_known "
             "friction_x_N_s_m friction_x_std_N_s_m "
             "mass_halved_priors_kg mass_doubled_priors_kg mean_samples braking_left_out "
-            "scale_unknown withheld withheld_for said "
+            "scale_unknown payload_scale_unknown withheld withheld_for said "
             "calibrated_kg calibrated_u_kg calibrated_low_kg calibrated_high_kg calibrated_reason "
             "calibrated_unlike_u_kg calibrated_said calibrated_payload_kg calibrated_payload_u_kg "
             "calibrated_payload_low_kg calibrated_payload_high_kg"
@@ -403,7 +404,8 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "loaded_id loaded_kg loaded_u_kg empty_before_id empty_before_kg empty_before_u_kg "
             "empty_after_id empty_after_kg empty_after_u_kg tare_before_1 "
             "carry_back_kg carry_back_u_kg "
-            "payload_u_random_kg payload_u_common_kg payload_u_shared_kg counted withheld_for"
+            "payload_u_random_kg payload_u_common_kg payload_u_shared_kg counted withheld_for "
+            "scale_1 scale_from own_u_common_kg own_u_shared_kg"
         ),
         "shift": (
             "start_t_ns end_t_ns cycles cycles_counted cycles_rejected cycles_without_mass "
@@ -411,7 +413,8 @@ KEPT: Final[dict[str, tuple[str, ...]]] = {
             "payload_std_kg carry_back_mean_kg carry_back_u_kg "
             "lost_cycles lost_cycles_u lost_kg lost_u_kg digs boom_dumps uncounted_cycles "
             "uncounted_cycles_u uncounted_kg uncounted_u_kg on_board_kg on_board_u_kg "
-            "total_kg total_u_kg duration_s gap_s idle_s utilisation_1"
+            "total_kg total_u_kg scale_from scale_unknown gain_1 gain_u_1 duration_s gap_s idle_s "
+            "utilisation_1"
         ),
         "budget": "load_id cause kind u_kg share_1 meaning shrinks",
         "planar_budget": "quantity cause kind u unit share_1 meaning shrinks",

@@ -44,6 +44,10 @@ def plus_minus(value: float | None, std: float | None) -> str:
     return f"{value:.{places}f} ± {std:.{places}f}"
 
 
+#: Stands beside tonnes whose ± lacks the scale.
+SCALE_NOT_KNOWN: Final = "scale not known"
+
+
 def scale_unknown_line(names: str, of: str = "") -> str:
     """What the machine file should state of an answer's scale and does not.
 
@@ -53,7 +57,7 @@ def scale_unknown_line(names: str, of: str = "") -> str:
     """
     whose = f" of {of}" if of else ""
     return (
-        f"scale not known: the machine file gives no uncertainty of {names}, "
+        f"{SCALE_NOT_KNOWN}: the machine file gives no uncertainty of {names}, "
         f"so none is in the ±{whose}"
     )
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from analysis.answer import Answer
 from estimators.errors import counted
-from recordings.wording import number, plus_minus, scale_unknown_line
+from recordings.wording import SCALE_NOT_KNOWN, number, plus_minus, scale_unknown_line
 
 #: Characters of the longest bar.
 _BAR: Final = 24
@@ -110,8 +110,10 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
 def _notes(load: Mapping[str, Any]) -> list[str]:
     """What holds for every load of the log."""
     lines = [load[name] for name in ("said", "calibrated_said") if load.get(name)]
+    told = load.get("payload_to") is not None and not load.get("payload_scale_unknown")
     if load["scale_unknown"]:
-        lines.append(scale_unknown_line(load["scale_unknown"]))
+        of = "masses; payloads are on the scale of the stated empty mass" if told else ""
+        lines.append(scale_unknown_line(load["scale_unknown"], of))
     if load["braking_left_out"]:
         lines.append("braking and driving disagree about the mass, and braking was left out")
     return lines
@@ -250,8 +252,9 @@ def shift_lines(answer: Answer) -> list[str]:
             f"; in the shift {shift['total_kg'] / 1e3:,.3f} ± {2.0 * shift['total_u_kg'] / 1e3:.3f}"
             " t with what is not counted"
         )
+    scale = f", {SCALE_NOT_KNOWN}" if shift.get("scale_unknown") else ""
     return [
         f"{counted(shift['cycles_counted'], 'cycle')}, {shift['payload_kg'] / 1e3:,.3f} ± "
         f"{u_kg / 1e3:.3f} t (k = 2), {2.0 * shift['payload_u_common_kg'] / 1e3:.3f} t of that "
-        f"common to all{total}; `payscope review` lists them"
+        f"common to all{total}{scale}; `payscope review` lists them"
     ]

@@ -10,7 +10,7 @@ from analysis.align import align
 from analysis.align import notes as grid_notes
 from analysis.channel_noise import channel_noise
 from analysis.check import Verdict
-from analysis.cycles.cycles import cycles_and_weights
+from analysis.cycles.cycles import cycles
 from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
 from analysis.diagnosis import Evidence, disagreements, signals, verdict
@@ -98,7 +98,7 @@ def run(
         "loads": loads(weighing, excitation, machine, opinion),
         "manoeuvres": manoeuvre_frame(weighing, excitation, machine),
     }
-    hauled, sums = cycles_and_weights(weighing, {**seen.frames, **answer}, machine, opinion)
+    hauled = cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
     return Run(
         frames={
@@ -107,10 +107,10 @@ def run(
             "planar": plane,
             "planar_budget": plane_budget,
             **answer,
-            "cycles": hauled,
-            "shift": shift(hauled, excitation, seen.frames["aligned"]),
+            "cycles": hauled.cycles,
+            "shift": shift(hauled.cycles, excitation, seen.frames["aligned"], hauled.scale),
             "nuisances": nuisances(weighing),
-            **responses(weighing, machine, answer["loads"], sums),
+            **responses(weighing, machine, answer["loads"], hauled.sums),
             "budget": budget_frame(weighing, machine),
             "masses": seen.totals,
             "verdict": seen.case.judged,

@@ -17,7 +17,7 @@ from estimators.errors import DataError, nearest
 #: The estimators of frame `loads`: m̂ and the random part of its standard uncertainty.
 ESTIMATORS: Final[Mapping[str, tuple[str, str]]] = {
     "joint_mass": ("mass_kg", "u_random_kg"),
-    "joint_payload": ("payload_kg", "payload_u_random_kg"),
+    "joint_payload": ("own_payload_kg", "own_payload_u_random_kg"),
 }
 #: An empty machine that is as far off by chance with less than this probability (three deviations)
 #: is no longer the one that was calibrated: 0.3 % of good logs are refused.
@@ -161,7 +161,7 @@ def _payload(
     empties: int,
 ) -> tuple[float, float, float] | None:
     """Payload, its standard uncertainty, and half of its interval; None where there is none."""
-    if one.mass_kg is None or one.u_kg is None or row["payload_kg"] is None or row["empty"]:
+    if one.mass_kg is None or one.u_kg is None or row["own_payload_kg"] is None or row["empty"]:
         return None
     assert one.high_kg is not None
     assert one.low_kg is not None
@@ -169,17 +169,18 @@ def _payload(
     if calibration.method == "joint_payload":
         return one.mass_kg, one.u_kg, half_kg
     if row["payload_to"] is None:
-        empty_kg = row["mass_kg"] - row["payload_kg"]
+        empty_kg = row["mass_kg"] - row["own_payload_kg"]
         u_kg = float(np.hypot(one.u_kg, log.empty_u_kg))
         return one.mass_kg - empty_kg, u_kg, float(np.hypot(half_kg, NORMAL * log.empty_u_kg))
     # by readings that repeat no better than the campaign's
     repeats_kg = (calibration.repeatability_kg or 0.0) * float(
         np.sqrt(1.0 / row["manoeuvres"] + 1.0 / max(empties, 1))
     )
-    random_kg = max(row["payload_u_random_kg"], repeats_kg)
-    common_kg = float(np.sqrt(max(row["payload_u_kg"] ** 2 - row["payload_u_random_kg"] ** 2, 0.0)))
+    u_kg, u_random_kg = row["own_payload_u_kg"], row["own_payload_u_random_kg"]
+    random_kg = max(u_random_kg, repeats_kg)
+    common_kg = float(np.sqrt(max(u_kg**2 - u_random_kg**2, 0.0)))
     found = difference_on_line(
-        calibration, log.unlike, [("payload", row["load_id"])], np.array([row["payload_kg"]])
+        calibration, log.unlike, [("payload", row["load_id"])], np.array([row["own_payload_kg"]])
     )
     beside_kg = found.beside(np.array([common_kg]))[0]
     parts = (random_kg / abs(calibration.c1_1), beside_kg, found.unlike_u_kg[0], found.line_kg[0])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from analysis.calibration.calibration import Calibration
 from analysis.calibration.differences import difference_on_line
 from analysis.calibration.unlike import Unlike
+from analysis.cycles.empty_machine import BY_CALIBRATION, BY_EMPTY_MACHINE
 from analysis.schema import MOVED, QUALITY, conform
 from estimators.errors import DataError, nearest
 
@@ -31,6 +32,8 @@ def calibrated_cycles(
     taken with it the scale and what the means of learnt priors have wrong; what is left of these is
     what they do to this log otherwise than to the campaign's.
 
+    Where the empty machine tells the scale better than the line, payloads stay as they are.
+
     A cycle whose load is outside of what was calibrated has no payload, and says so.
 
     Args:
@@ -47,20 +50,24 @@ def calibrated_cycles(
             f"{nearest(calibration.method, (_OF_MASS, _OF_PAYLOAD))}"
         )
     numbers = [("cycle", number) for number in cycles["cycle"].to_list()]
-    payload_kg = cycles["payload_kg"].cast(pl.Float64).to_numpy()
+    scale_1 = _numbers(cycles, "scale_1")
+    payload_kg = _numbers(cycles, "payload_kg") / scale_1
     on_line = difference_on_line(calibration, unlike, numbers, payload_kg)
-    common, shared = (on_line.beside(_numbers(cycles, f"payload_u_{n}_kg")) for n in _COMMON)
+    common, shared = (on_line.beside(_numbers(cycles, f"own_u_{n}_kg")) for n in _COMMON)
     shared_kg = np.linalg.norm([shared, on_line.shared_u_kg, on_line.line_kg], axis=0)
     common_kg = np.linalg.norm([common, on_line.unlike_u_kg, on_line.line_kg], axis=0)
     common_kg = np.maximum(common_kg, shared_kg)
-    random_kg = _numbers(cycles, "payload_u_random_kg") / on_line.size_1
+    random_kg = _numbers(cycles, "payload_u_random_kg") / scale_1 / on_line.size_1
     found = {
         "payload_kg": on_line.payload_kg,
         "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_shared_kg": shared_kg,
         "payload_u_kg": np.hypot(random_kg, common_kg),
+        "scale_1": np.where(np.isnan(payload_kg), np.nan, 1.0 / on_line.size_1),
     }
+    if _by_ticket(cycles, found):
+        return cycles
     off_kg, u_kg = _apart(calibration, unlike)
     reasons = pl.Series(
         "reason", [_outside(row, calibration, off_kg, u_kg) for row in cycles.to_dicts()]
@@ -74,8 +81,23 @@ def calibrated_cycles(
         quality=pl.when("refused").then(pl.lit("no mass", QUALITY)).otherwise("quality"),
         counted=pl.col("counted") & ~pl.col("refused"),
         withheld_for=pl.when("refused").then("reason").otherwise("withheld_for"),
+        scale_from=pl.when(pl.col("payload_kg").is_not_null()).then(pl.lit(BY_CALIBRATION)),
     )
     return conform("cycles", said.drop("refused", "reason"))
+
+
+def _by_ticket(cycles: pl.DataFrame, found: Mapping[str, Floats]) -> bool:
+    """Whether the sum of the payloads is better known by the empty machine than by the line."""
+    counted = cycles["counted"].to_numpy()
+    if not counted.any() or (cycles["scale_from"].drop_nulls() != BY_EMPTY_MACHINE).any():
+        return False
+
+    def relative(columns: Mapping[str, Floats]) -> float:
+        shared = columns["payload_u_shared_kg"][counted].sum()
+        random = np.linalg.norm(columns["payload_u_random_kg"][counted])
+        return float(np.hypot(shared, random) / abs(columns["payload_kg"][counted].sum()))
+
+    return relative({name: _numbers(cycles, name) for name in found}) < relative(found)
 
 
 def _numbers(cycles: pl.DataFrame, name: str) -> Floats:

@@ -3,24 +3,36 @@
 The payload is what was dumped: the loaded pass less the empty one. Both empty passes beside it tell
 that: the one after by itself, the one before as far as what is carried back is alike. Their weights
 are those of the smallest variance; where nothing is carried back, it is their mean.
+
+Where the machine file states the mass of the empty machine with its uncertainty, the empty passes
+tell the scale of the payloads.
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
 from analysis.check import Verdict
-from analysis.cycles.empty_machine import contradicted_empty_mass, states_of_passes
+from analysis.cycles.empty_machine import (
+    BY_EMPTY_MACHINE,
+    BY_MACHINE_FILE,
+    ShiftScale,
+    carried_variance,
+    cleanest,
+    empty_machine,
+    states_of_passes,
+)
 from analysis.cycles.parts import CycleParts, cycle_parts, dump_times
 from analysis.cycles.passes import NO_PASSES, Passes, passes
 from analysis.cycles.witnessed import digging_contradicts, with_witnessed
 from analysis.machine import Machine
 from analysis.schema import FRAMES, build
-from analysis.uncertainty import combined
+from analysis.uncertainty import combined, unknown_scale
 from analysis.weighing.budget import budget
+from analysis.weighing.datum import Datum, EmptyMachine
 from analysis.weighing.weigh import Weighing
 
 Floats = NDArray[np.float64]
@@ -28,13 +40,23 @@ Floats = NDArray[np.float64]
 _NS: Final = 1e9
 #: A payload is doubted when its standard uncertainty is this share of it.
 _WEAK: Final = 0.25
-#: The cleanest bucket is this quantile of the empty passes: the least of many is the noisiest.
-_CLEANEST: Final = 0.1
 _UNSEEN: Final = "dumped while nothing was recorded"
 _CONTRADICTED: Final = "the boom dumps where no load is dumped by its mass"
 _HAULED_TWICE: Final = "most buckets are filled once, and hauled more than once by their masses"
-#: So few empty passes do not tell how what is carried back differs.
-_FEWEST: Final = 4
+
+
+class Hauled(NamedTuple):
+    """The cycles of a log.
+
+    Attributes:
+        cycles: the frame.
+        sums: by the number of each cycle with a payload, (masses,) weights of the fit's.
+        scale: of the payloads.
+    """
+
+    cycles: pl.DataFrame
+    sums: dict[int, Floats]
+    scale: ShiftScale
 
 
 @dataclass(frozen=True)
@@ -46,12 +68,14 @@ class _Common:
         other_1: the part of it that is no nuisance of the fit, such as the scale.
         factor: (terms, passes) what a deviation of each nuisance moves each pass' mass by, in kg.
         covariance: (passes, passes) of what noise and scatter do to all of them.
+        empty: (passes,) what a payload of 1 kg has besides of each pass' errors, by the datum.
     """
 
     shared_1: float
     other_1: float
     factor: Floats
     covariance: Floats
+    empty: Floats
 
     def of(self, weights: Floats, payload_kg: float) -> tuple[float, float]:
         """Of one payload: all that is common, and how much of that is alike in all.
@@ -60,6 +84,7 @@ class _Common:
             weights: (passes,) of each pass in it.
             payload_kg: what it is.
         """
+        weights = weights + payload_kg * self.empty
         moved = self.factor @ weights
         own = float(moved @ moved + max(weights @ self.covariance @ weights, 0.0))
         shared_kg = self.shared_1 * abs(payload_kg)
@@ -72,22 +97,8 @@ def cycles(
     machine: Machine,
     verdict: Verdict,
     known: Passes | None = None,
-) -> pl.DataFrame:
-    """Make `cycles`.
-
-    See `cycles_and_weights`.
-    """
-    return cycles_and_weights(weighing, frames, machine, verdict, known)[0]
-
-
-def cycles_and_weights(
-    weighing: Weighing | None,
-    frames: dict[str, pl.DataFrame],
-    machine: Machine,
-    verdict: Verdict,
-    known: Passes | None = None,
-) -> tuple[pl.DataFrame, dict[int, Floats]]:
-    """Make `cycles`, and say of which masses each payload is a sum.
+) -> Hauled:
+    """Make `cycles`, and say of which masses each payload is a sum and what tells their scale.
 
     Args:
         weighing: the joint fit, for what is common to all payloads.
@@ -95,9 +106,6 @@ def cycles_and_weights(
         machine: for the scale.
         verdict: what it forbids is withheld.
         known: the passes, where they are not to be looked for.
-
-    Returns:
-        The frame, and by the number of each cycle with a payload (masses,) weights of the fit's.
     """
     digs = frames["digging"]
     motion = frames["aligned"], frames["excitation"]
@@ -110,15 +118,16 @@ def cycles_and_weights(
     if known is None:
         parts, contradicts = with_witnessed(parts, found, digs, *motion)
     if not parts:
-        return _frame([]), {}
+        return Hauled(_frame([]), {}, ShiftScale())
     withheld = ", ".join(check.check for check in verdict.failed("mass"))
     withheld = _CONTRADICTED if contradicts else _HAULED_TWICE if twice else withheld
     if not withheld and frames["loads"]["withheld"].any():
         withheld = str(frames["loads"].filter("withheld")["withheld_for"][0])
-    withheld = withheld or contradicted_empty_mass(weighing, machine, found)
+    empty = empty_machine(weighing, machine, found)
+    withheld = withheld or (empty.contradiction if empty else "")
     share = _tare_share(found)
-    common = _common(weighing, machine, found, parts, share)
-    cleanest = _cleanest(found)
+    worth = _worth(weighing, machine, found, _summed(found, parts, share), empty)
+    clean = cleanest(found)
     rows: list[dict[str, object]] = []
     known_sums = weighing is not None and weighing.fit.states is not None and bool(found.of.size)
     of_states = states_of_passes(weighing.fit, found) if weighing and known_sums else None
@@ -130,8 +139,8 @@ def cycles_and_weights(
         reason = withheld or _reason(part)
         if not reason:
             weights = pass_weights(part, share, found.mass_kg.size)
-            row |= _masses(part, found, share, cleanest)
-            row |= _uncertainty(row, common, weights)
+            row |= _masses(part, found, share, clean)
+            row |= _uncertainty(row, worth, weights)
             if of_states is not None:
                 sums[number] = of_states @ weights
             row["manoeuvres"] = int(counts[part.loaded])
@@ -139,7 +148,7 @@ def cycles_and_weights(
         row["withheld_for"] = reason or _remark(row) or (_UNSEEN if part.unseen else "")
         rows.append(row)
         ready_ns = _ready_ns(part)
-    return _frame(rows), sums
+    return Hauled(_frame(rows), sums, worth.scale)
 
 
 def _frame(rows: list[dict[str, object]]) -> pl.DataFrame:
@@ -224,16 +233,27 @@ def _masses(
     return row
 
 
-def _uncertainty(row: dict[str, object], common: _Common, weights: Floats) -> dict[str, object]:
-    """What a payload has in common with others, how much of it with all of them, and the whole."""
-    payload_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
-    assert isinstance(payload_kg, float)
+def _uncertainty(row: dict[str, object], worth: "_Worth", weights: Floats) -> dict[str, object]:
+    """What a payload has in common with others, how much of it with all of them, and the whole.
+
+    The log's own stand beside those that the empty machine tells: a calibration has to have them.
+    """
+    own_kg, random_kg = row["payload_kg"], row["payload_u_random_kg"]
+    assert isinstance(own_kg, float)
     assert isinstance(random_kg, float)
-    common_kg, shared_kg = common.of(weights, payload_kg)
+    own_common_kg, own_shared_kg = worth.own.of(weights, own_kg)
+    common_kg, shared_kg = (worth.scale_1 * u for u in worth.told.of(weights, own_kg))
+    random_kg *= worth.scale_1
     return {
+        "scale_1": worth.scale_1,
+        "scale_from": worth.scale.told_by,
+        "payload_kg": worth.scale_1 * own_kg,
+        "payload_u_random_kg": random_kg,
         "payload_u_common_kg": common_kg,
         "payload_u_shared_kg": shared_kg,
         "payload_u_kg": float(np.hypot(random_kg, common_kg)),
+        "own_u_common_kg": own_common_kg,
+        "own_u_shared_kg": own_shared_kg,
     }
 
 
@@ -257,20 +277,11 @@ def pass_weights(part: CycleParts, share: Floats, count: int) -> Floats:
     return weights
 
 
-def _carried_variance(found: Passes) -> float:
-    """Variance of what is carried back, in kg²: what empty passes differ by beyond their noise."""
-    mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
-    if mass.size < _FEWEST:
-        return 0.0
-    # neighbours, since fuel is burnt
-    return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
-
-
 def _tare_share(found: Passes) -> Floats:
     """(passes,) the weight of the empty pass before each loaded one: the smallest variance."""
     share = np.full(found.mass_kg.size, 0.5)
     empties = np.flatnonzero(~found.loaded)
-    spread = 2.0 * _carried_variance(found)
+    spread = 2.0 * carried_variance(found)
     for loaded in np.flatnonzero(found.loaded):
         place = int(np.searchsorted(empties, loaded))
         if 0 < place < empties.size:
@@ -281,7 +292,7 @@ def _tare_share(found: Passes) -> Floats:
 
 def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
     """What a payload is off since another load was carried back before, as a variance."""
-    variance = 2.0 * _carried_variance(found)
+    variance = 2.0 * carried_variance(found)
     if part.loaded is None:
         return 0.0
     before = 0.0 if part.before is None else 1.0 if part.after is None else share[part.loaded]
@@ -291,54 +302,94 @@ def _carried_kg2(part: CycleParts, found: Passes, share: Floats) -> float:
     return variance * (before**2 + after**2)
 
 
-def _cleanest(found: Passes) -> tuple[float, float]:
-    """The mass of the machine with a clean bucket, and its uncertainty.
+def _summed(found: Passes, parts: list[CycleParts], tare: Floats) -> Floats:
+    """(passes,) weights of the sum of all payloads; 0 where there is none."""
+    whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
+    weights = [pass_weights(part, tare, found.mass_kg.size) for part in whole]
+    return np.sum([np.zeros(found.mass_kg.size), *weights], axis=0)
 
-    The spread of empty passes is more than that of what they carry: quantiles are drawn towards the
-    mean by the share of the variance that is noise.
+
+@dataclass(frozen=True)
+class _Worth:
+    """What payloads have in common.
+
+    Attributes:
+        own: by the log alone, over payloads of the log alone.
+        told: once the empty machine tells the scale, likewise, less the factor.
+        scale_1: that factor.
+        scale: where it comes from.
     """
-    mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
-    if not mass.size:
-        return float("nan"), float("nan")
-    noise = float(np.mean(u**2))
-    true = _carried_variance(found)
-    kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
-    middle = float(np.mean(mass))
-    least = middle + kept * (float(np.quantile(mass, _CLEANEST)) - middle)
-    return least, float(np.sqrt(noise / mass.size + true * (1.0 - kept)))
+
+    own: _Common
+    told: _Common
+    scale_1: float
+    scale: ShiftScale
 
 
-def _common(
+def _worth(
     weighing: Weighing | None,
     machine: Machine,
     found: Passes,
-    parts: list[CycleParts],
-    tare: Floats,
+    weights: Floats,
+    empty: EmptyMachine | None,
+) -> _Worth:
+    """Find it.
+
+    Args:
+        weighing: the joint fit.
+        machine: for the scale.
+        found: the passes.
+        weights: (passes,) of the sum of payloads.
+        empty: as the empty passes weigh it.
+    """
+    if weighing is None or weighing.fit.states is None or empty is None or not weights.any():
+        count = found.mass_kg.size
+        nothing = np.zeros(count)
+        none = _Common(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)), nothing)
+        return _Worth(none, none, 1.0, ShiftScale())
+    datum = empty.datum(states_of_passes(weighing.fit, found) @ weights)
+    own = _common(weighing, machine, found, weights, None)
+    gain_1, gain_u_1 = empty.gain or (None, None)
+    sources = (
+        budget(weighing, machine, empty.weights) if datum is None else datum.sources(empty.weights)
+    )
+    unknown = unknown_scale(sources)
+    told_by = "" if unknown else BY_MACHINE_FILE
+    told_by = told_by if datum is None else BY_EMPTY_MACHINE
+    scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
+    if datum is None:
+        return _Worth(own, own, 1.0, scale)
+    return _Worth(own, _common(weighing, machine, found, weights, datum), datum.scale_1, scale)
+
+
+def _common(
+    weighing: Weighing, machine: Machine, found: Passes, weights: Floats, datum: Datum | None
 ) -> _Common:
-    """Find it with the fit's own correlations.
+    """What is common to payloads of the log's own, with the fit's correlations.
 
     Of all payloads together it is what the fit's budget has besides what the passes' own noise and
     scatter add up to. One payload also has what nuisances do to its own starts and not to others'.
     """
-    count = found.mass_kg.size
-    nothing = _Common(0.0, 0.0, np.zeros((0, count)), np.zeros((count, count)))
-    whole = [p for p in parts if p.loaded is not None and (p.before, p.after) != (None, None)]
-    if weighing is None or weighing.fit.states is None or not whole:
-        return nothing
     fit = weighing.fit
     of_states = states_of_passes(fit, found)
-    weights = np.sum([pass_weights(part, tare, count) for part in whole], axis=0)
-    sources = budget(weighing, machine, of_states @ weights)
+    summed = of_states @ weights
+    sources = budget(weighing, machine, summed) if datum is None else datum.sources(summed)
+    by_1 = 1.0 if datum is None else datum.scale_1
     total_kg = max(abs(float(weights @ found.mass_kg)), 1e-9)
-    kept = combined(sources, "random") ** 2 - float(weights**2 @ found.u_kg**2)
-    common = combined(sources, "common", "scale")
+    kept = (combined(sources, "random") / by_1) ** 2 - float(weights**2 @ found.u_kg**2)
+    common = combined(sources, "common", "scale") / by_1
     names = {term.source or term.name for term in fit.terms}
     other = [s for s in sources if s.kind != "random" and s.name not in names]
     masses = slice(0, fit.count)
     covariance = of_states.T @ (fit.fit.noise + fit.fit.scatter)[masses, masses] @ of_states
+    empty = np.zeros(found.mass_kg.size)
+    if datum is not None:
+        share = np.where(found.loaded, 0.0, 1.0 / found.u_kg**2)
+        empty = -datum.by_kg * share / share.sum()
     return _Common(
         float(np.sqrt(common**2 + max(kept, 0.0))) / total_kg,
-        combined(other) / total_kg,
+        combined(other) / by_1 / total_kg,
         fit.term_responses @ of_states,
         covariance - np.diag(found.u_kg**2),
+        empty,
     )

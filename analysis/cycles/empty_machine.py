@@ -1,25 +1,44 @@
-"""Whether the empty passes of a shift weigh what the machine file says that the empty machine does.
+"""The empty passes of a shift: what they weigh, and what a clean bucket would."""
 
-What is wrong with the mass of the empty machine is wrong with the loads as well: a scale, a side, a
-slope that no channel tells.
-"""
-
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from analysis.cycles.passes import Passes
 from analysis.machine import Machine
-from analysis.uncertainty import combined, unknown_scale
-from analysis.weighing.budget import budget
+from analysis.weighing.datum import EmptyMachine
 from analysis.weighing.equation import Floats
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.weigh import Weighing
 
-#: The two masses differ by so many standard uncertainties of their difference, at most.
-_AGREES: Final = 3.0
-#: Relative standard uncertainty of a scale of which the machine file says nothing.
-_UNKNOWN_SCALE: Final = 0.1
+#: The cleanest bucket is this quantile of the empty passes: the least of many is the noisiest.
+_CLEANEST: Final = 0.1
+#: So few empty passes do not tell how what is carried back differs.
+_FEWEST: Final = 4
+#: Standard uncertainty of what the cleanest bucket still carries, as a share of what the others
+#: carry on average: of loads left that are spread evenly from nothing on, a tenth percentile has
+#: 0.2, of an exponential tail 0.1.
+_STILL_CARRIES: Final = 0.25
+#: What tells the scale of payloads.
+BY_MACHINE_FILE: Final = "machine file"
+BY_EMPTY_MACHINE: Final = "empty machine"
+BY_CALIBRATION: Final = "calibration"
+
+
+class ShiftScale(NamedTuple):
+    """Where the scale of the payloads comes from.
+
+    Attributes:
+        told_by: what tells it; empty where nothing does.
+        unknown: the sources that nothing tells, with commas.
+        gain_1: mass of the empty machine in the log over that of the machine file, where it has u.
+        gain_u_1: its standard uncertainty.
+    """
+
+    told_by: str = ""
+    unknown: str = ""
+    gain_1: float | None = None
+    gain_u_1: float | None = None
 
 
 def states_of_passes(fit: JointFit, found: Passes) -> Floats:
@@ -30,28 +49,51 @@ def states_of_passes(fit: JointFit, found: Passes) -> Floats:
     return weights
 
 
-def contradicted_empty_mass(weighing: Weighing | None, machine: Machine, found: Passes) -> str:
-    """Why the loads are not to be trusted: the empty passes weigh something else; else nothing.
+def carried_variance(found: Passes) -> float:
+    """Variance of what is carried back, in kg²: what empty passes differ by beyond their noise."""
+    mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
+    if mass.size < _FEWEST:
+        return 0.0
+    # neighbours, since fuel is burnt
+    return max(float(np.mean(np.diff(mass) ** 2 - u[1:] ** 2 - u[:-1] ** 2)) / 2.0, 0.0)
+
+
+def cleanest(found: Passes) -> tuple[float, float]:
+    """The mass of the machine with a clean bucket, and its uncertainty.
+
+    The spread of empty passes is more than that of what they carry: quantiles are drawn towards the
+    mean by the share of the variance that is noise.
+    """
+    mass, u = found.mass_kg[~found.loaded], found.u_kg[~found.loaded]
+    if not mass.size:
+        return float("nan"), float("nan")
+    noise = float(np.mean(u**2))
+    true = carried_variance(found)
+    kept = float(np.sqrt(true / (true + noise))) if true + noise > 0 else 0.0
+    middle = float(np.mean(mass))
+    least = middle + kept * (float(np.quantile(mass, _CLEANEST)) - middle)
+    return least, float(np.sqrt(noise / mass.size + true * (1.0 - kept)))
+
+
+def empty_machine(
+    weighing: Weighing | None, machine: Machine, found: Passes
+) -> EmptyMachine | None:
+    """The empty machine as the empty passes weigh it; None where there is none.
 
     Args:
         weighing: the joint fit.
-        machine: its empty mass, and the scale.
+        machine: what is known of it.
         found: the passes.
     """
-    body, empty = machine.machine, ~found.loaded
-    if weighing is None or weighing.fit.states is None or body.empty_mass_kg is None:
-        return ""
-    if not empty.any():
-        return ""
+    empty = ~found.loaded
+    if weighing is None or weighing.fit.states is None or not empty.any():
+        return None
     share = np.where(empty, 1.0 / found.u_kg**2, 0.0)
-    weights = states_of_passes(weighing.fit, found) @ (share / share.sum())
-    sources = budget(weighing, machine, weights)
-    mass_kg = float(weights @ weighing.fit.masses_kg) - body.rotating_mass_kg
-    scale_kg = _UNKNOWN_SCALE * mass_kg if unknown_scale(sources) else 0.0
-    u_kg, stated_u_kg = float(np.hypot(combined(sources), scale_kg)), body.empty_mass_u_kg or 0.0
-    if abs(mass_kg - body.empty_mass_kg) <= _AGREES * float(np.hypot(u_kg, stated_u_kg)):
-        return ""
-    return (
-        f"empty_mass: the empty machine weighs {mass_kg:,.0f} ± {u_kg:,.0f} kg here, and "
-        f"{body.empty_mass_kg:,.0f} kg by its machine file"
-    )
+    share /= share.sum()
+    least_kg, least_u_kg = cleanest(found)
+    carried_kg = max(float(share @ found.mass_kg) - least_kg, 0.0)
+    # the noise of the passes is in their own masses
+    noise_kg2 = float(np.mean(found.u_kg[empty] ** 2)) / int(empty.sum())
+    own_kg2 = max(least_u_kg**2 - noise_kg2, 0.0)
+    carried = carried_kg, float(np.sqrt(own_kg2 + (_STILL_CARRIES * carried_kg) ** 2))
+    return EmptyMachine(weighing, machine, states_of_passes(weighing.fit, found) @ share, carried)

@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 
 from analysis.cycles.dumps import standing
+from analysis.cycles.empty_machine import BY_CALIBRATION, ShiftScale
 from analysis.cycles.lost import holes, lost_cycles
 from analysis.cycles.parts import IDLE_S
 from analysis.cycles.uncounted import price_kg, uncounted_cycles
@@ -18,15 +19,22 @@ from analysis.schema import FRAMES, build
 from analysis.windows import runs_of
 
 _NS: Final = 1e9
+_NO_SCALE: Final = ShiftScale()
 
 
-def shift(cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame) -> pl.DataFrame:
+def shift(
+    cycles: pl.DataFrame,
+    excitation: pl.DataFrame,
+    aligned: pl.DataFrame,
+    scale: ShiftScale = _NO_SCALE,
+) -> pl.DataFrame:
     """Make `shift`, one row.
 
     Args:
         cycles: the frame.
         excitation: phases.
         aligned: where nothing was recorded.
+        scale: of the payloads.
     """
     gaps = holes(excitation, aligned)
     lost, more = lost_cycles(cycles, gaps), uncounted_cycles(cycles, excitation, aligned)
@@ -48,6 +56,10 @@ def shift(cycles: pl.DataFrame, excitation: pl.DataFrame, aligned: pl.DataFrame)
         "uncounted_cycles_u": more.u,
         "on_board_kg": more.on_board_kg,
         "on_board_u_kg": more.on_board_u_kg,
+        "scale_from": scale.told_by,
+        "scale_unknown": scale.unknown,
+        "gain_1": scale.gain_1,
+        "gain_u_1": scale.gain_u_1,
         "duration_s": duration_s,
         "gap_s": gap_s,
         "idle_s": idle_s,
@@ -79,6 +91,8 @@ def recounted(
         "lost_kg": (row["lost_kg"] or 0.0) * scale,
         "lost_u_kg": (row["lost_u_kg"] or 0.0) * scale,
     }
+    if (cycles["scale_from"] == BY_CALIBRATION).any():
+        found |= {"scale_from": BY_CALIBRATION, "scale_unknown": ""}
     found |= _total(row | found)
     return summary.with_columns(
         pl.lit(value).cast(summary.schema[name]).alias(name) for name, value in found.items()
@@ -106,7 +120,7 @@ def _total(row: Mapping[str, Any]) -> dict[str, float]:
     }
 
 
-def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, float | int | None]:
+def _sums(cycles: pl.DataFrame, rejected: Collection[int]) -> dict[str, Any]:
     """What cycles add up to.
 
     Random parts of the passes add up in squares, each with its whole weight in the sum: an empty
@@ -155,8 +169,8 @@ def _random_kg(counted: pl.DataFrame) -> float:
             number = row[f"{name}_id"]
             if number is not None:
                 weight[number] = weight.get(number, 0.0) + share
-                u_kg[number] = row[f"{name}_u_kg"]
-                own += (share * row[f"{name}_u_kg"]) ** 2
+                u_kg[number] = row["scale_1"] * row[f"{name}_u_kg"]
+                own += (share * u_kg[number]) ** 2
         # of what is carried back only the ends are left in the sum
         carried = max(carried, row["payload_u_random_kg"] ** 2 - own)
     return float(np.sqrt(sum((weight[n] * u_kg[n]) ** 2 for n in weight) + carried))

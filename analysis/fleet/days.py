@@ -72,6 +72,7 @@ def sums(results: pl.DataFrame, by: list[str]) -> pl.DataFrame:
             pl.col("payload_kg").sum(),
             _random().alias("payload_u_random_kg"),
             pl.col("payload_u_common_kg").sum(),
+            _without_scale().alias("without_scale"),
         )
         .with_columns(
             (pl.col("payload_u_random_kg") ** 2 + pl.col("payload_u_common_kg") ** 2)
@@ -94,7 +95,14 @@ def whole(machines: pl.DataFrame) -> Mapping[str, float]:
         "payload_u_kg": u_kg,
         "loads": int(machines["loads"].sum()),
         "recordings": int(machines["recordings"].sum()),
+        "without_scale": int(machines["without_scale"].sum()),
     }
+
+
+def _without_scale() -> pl.Expr:
+    """Recordings with tonnes whose scale nothing tells."""
+    unknown = pl.col("scale_unknown").fill_null("") != ""
+    return (unknown & (pl.col("cycles_counted") > 0)).sum().cast(pl.Int64)
 
 
 def _random() -> pl.Expr:

@@ -56,6 +56,10 @@ RESULTS: Final = Frame(
         _f("payload_u_random_kg", "kg", "its random standard uncertainty"),
         _f("payload_u_common_kg", "kg", "its common standard uncertainty"),
         _f("payload_u_kg", "kg", "standard uncertainty, both"),
+        Column("scale_from", pl.String, "1", "what tells the scale of payloads"),
+        Column("scale_unknown", pl.String, "1", "whose u nothing tells, of the payloads"),
+        _f("gain_1", "1", "empty machine in the log over that of the machine file"),
+        _f("gain_u_1", "1", "its standard uncertainty"),
         _f("lost_cycles", "1", "cycles expected where nothing was recorded"),
         _f("lost_kg", "kg", "what they would have carried"),
         _f("friction_x_N_s_m", "N·s/m", "viscous friction by the joint fit"),
@@ -146,6 +150,7 @@ def result_of(run: Run) -> dict[str, object]:
     gate = frames["gate"]
     same = ("duration_s", "gap_s", "idle_s", "cycles", "cycles_counted", "cycles_without_mass")
     sums = ("payload_kg", "payload_u_random_kg", "payload_u_common_kg", "payload_u_kg")
+    scale = ("scale_from", "scale_unknown", "gain_1", "gain_u_1")
     return {
         "status": "replayed",
         "reason": "",
@@ -157,7 +162,7 @@ def result_of(run: Run) -> dict[str, object]:
         ),
         "losses": len(about.losses),
         "first_loss": str(about.losses[0]) if about.losses else "",
-        **{name: shift[name] for name in (*same, *sums, "lost_cycles", "lost_kg")},
+        **{name: shift[name] for name in (*same, *sums, *scale, "lost_cycles", "lost_kg")},
         "accepted_1": gate["accepted_x"].mean() if gate.height else None,
         "friction_x_N_s_m": load.get("friction_x_N_s_m"),
         "friction_x_std_N_s_m": load.get("friction_x_std_N_s_m"),

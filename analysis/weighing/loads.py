@@ -10,6 +10,7 @@ from analysis.machine import Machine
 from analysis.schema import CALIBRATED, FRAMES, build
 from analysis.uncertainty import combined, unknown_scale
 from analysis.weighing.budget import budget
+from analysis.weighing.datum import Datum, EmptyMachine
 from analysis.weighing.equation import Floats, Ints
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.kinematics import TERMS
@@ -52,10 +53,12 @@ def loads(
     fit = weighing.fit
     times = _times(fit, excitation)
     empty = empty_states(weighing, times, machine)
+    datum, against = _datum(weighing, empty, machine)
     rows = [
-        _load(weighing, state, empty, times[state], machine, verdict) for state in range(fit.count)
+        _load(weighing, state, empty, times[state], machine, verdict, datum)
+        for state in range(fit.count)
     ]
-    said = "; ".join(filter(None, (_said(fit, machine), _growing(weighing, excitation))))
+    said = "; ".join(filter(None, (_said(fit, machine), against, _growing(weighing, excitation))))
     if machine.settings.loads.empty_from_s is not None and not empty:
         said = "; ".join(filter(None, (_NOT_EMPTY, said)))
     said = pl.Series("said", [said] * len(rows))
@@ -134,13 +137,29 @@ def _as_light(weighing: Weighing, lightest: int, machine: Machine) -> list[int]:
     return sorted(found)
 
 
+def _datum(weighing: Weighing, empty: list[int], machine: Machine) -> tuple[Datum | None, str]:
+    """What the empty states make of payloads; and why they do not, where the log contradicts it."""
+    fit = weighing.fit
+    if not empty or len(empty) == fit.count:
+        return None, ""
+    # less the mass of none: the empty ones alone
+    weights = fit.weights(0) - weights_against(weighing, 0, empty)
+    found = EmptyMachine(weighing, machine, weights)
+    if found.contradiction:
+        return None, f"{found.contradiction}: payloads are on the log's own scale"
+    others = [state for state in range(fit.count) if state not in empty]
+    payloads = np.sum([weights_against(weighing, state, empty) for state in others], axis=0)
+    return found.datum(payloads), ""
+
+
 def weights_against(weighing: Weighing, state: int, empty: list[int]) -> Floats:
     """(masses,) weights of a mass less the mean of others, by how many manoeuvres each has."""
     states = weighing.fit.states
     assert states is not None
     count = np.bincount(states.of).astype(np.float64)
     weights = weighing.fit.weights(state)
-    weights[empty] -= count[empty] / count[empty].sum()
+    if empty:
+        weights[empty] -= count[empty] / count[empty].sum()
     return weights
 
 
@@ -151,6 +170,7 @@ def _load(
     times: tuple[int, int],
     machine: Machine,
     verdict: Verdict,
+    datum: Datum | None,
 ) -> dict[str, object]:
     fit, body, states = weighing.fit, machine.machine, weighing.fit.states
     assert states is not None
@@ -164,7 +184,7 @@ def _load(
         mass_kg
     ):
         withheld += ["relative_u"] if "relative_u" not in withheld else []
-    payload = _payload(weighing, state, empty, machine)
+    payload, unknown = _payload(weighing, state, empty, machine, datum)
     friction = fit.friction
     numbers = {
         "mass_kg": mass_kg,
@@ -190,34 +210,39 @@ def _load(
         "mean_samples": fit.mean_samples,
         "braking_left_out": weighing.braking_left_out,
         "scale_unknown": ", ".join(unknown_scale(sources)),
+        "payload_scale_unknown": ", ".join(unknown),
         "withheld": bool(withheld),
         "withheld_for": ", ".join(withheld),
     }
 
 
 def _payload(
-    weighing: Weighing, state: int, empty: list[int], machine: Machine
-) -> dict[str, float | None]:
-    """Payload and its uncertainty: to the empty states, or to the machine's empty mass."""
+    weighing: Weighing, state: int, empty: list[int], machine: Machine, datum: Datum | None
+) -> tuple[dict[str, float | None], list[str]]:
+    """Payload and its uncertainty, and the factors of it that nothing tells.
+
+    To the empty states, on the scale of the machine's stated mass where that is known, and by the
+    log alone beside it; or to the machine's empty mass.
+    """
     fit, body = weighing.fit, machine.machine
-    names = ("payload_kg", "payload_u_kg", "payload_u_random_kg")
-    if empty:
-        weights = weights_against(weighing, state, empty)
-        sources = budget(weighing, machine, weights)
-        numbers = (
-            float(weights @ fit.masses_kg),
-            combined(sources),
-            combined(sources, "random"),
-        )
-        return dict(zip(names, numbers, strict=True))
-    if body.empty_mass_kg is None:
-        return dict.fromkeys(names)
-    sources = budget(weighing, machine, fit.weights(state))
-    mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
-    u_kg = float(np.hypot(combined(sources), body.empty_mass_u_kg or 0.0))
-    return dict(
-        zip(names, (mass_kg - body.empty_mass_kg, u_kg, combined(sources, "random")), strict=True)
-    )
+    names = ("kg", "u_kg", "u_random_kg")
+    if not empty and body.empty_mass_kg is None:
+        return {f"{of}_{name}": None for of in ("payload", "own_payload") for name in names}, []
+    weights = weights_against(weighing, state, empty)
+    sources = budget(weighing, machine, weights)
+    own_kg = float(weights @ fit.masses_kg)
+    u_kg = combined(sources)
+    if not empty:
+        own_kg -= body.rotating_mass_kg + (body.empty_mass_kg or 0.0)
+        u_kg = float(np.hypot(u_kg, body.empty_mass_u_kg or 0.0))
+    own = (own_kg, u_kg, combined(sources, "random"))
+    told = own
+    if datum is not None:
+        sources = datum.sources(weights)
+        told = (datum.scale_1 * own_kg, combined(sources), combined(sources, "random"))
+    found = {f"payload_{n}": value for n, value in zip(names, told, strict=True)}
+    found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
+    return found, unknown_scale(sources)
 
 
 def _said(fit: JointFit, machine: Machine) -> str:
@@ -293,6 +318,7 @@ def _no_load(verdict: Verdict) -> pl.DataFrame:
         "manoeuvres": 0,
         "braking_left_out": False,
         "scale_unknown": "",
+        "payload_scale_unknown": "",
         "withheld": not verdict.can_weigh,
         "withheld_for": "no manoeuvre of this log was informative enough",
         "scatter_known": False,

@@ -14,6 +14,7 @@ from analysis.fleet.lines import FleetCalibration, LineChange
 from estimators.errors import counted
 from recordings.fleet.plots import drift, tonnes
 from recordings.pages.render import page_html
+from recordings.wording import SCALE_NOT_KNOWN
 
 _TEMPLATE: Final = "fleet.html.j2"
 #: Of an interval with a confidence of 95 %.
@@ -96,11 +97,12 @@ def headline(total: Mapping[str, float], machines: int) -> str:
     return (
         f"{_tonnes(total['payload_kg'], K * total['payload_u_kg'])} in "
         f"{counted(int(total['loads']), 'load')} by {counted(machines, 'machine')}"
+        + (f", {SCALE_NOT_KNOWN}" if total["without_scale"] else "")
     )
 
 
 _MACHINE_HEADS: Final = (
-    *("machine", "recordings", "loads", "tonnes", "± t", "hours"),
+    *("machine", "recordings", "loads", "tonnes", "± t", "scale", "hours"),
     *(f"{signal.name} {signal.unit}" for signal in SIGNALS),
     *("calibrated until", "to look at"),
 )
@@ -148,6 +150,13 @@ def _warnings(page: FleetPage) -> list[str]:
     undated = page.results.filter(pl.col("day") == "undated").height
     if undated:
         found.append(f"{counted(undated, 'recording')} without a date: in no week and no chart.")
+    scale = int(sums(page.results, ["machine"])["without_scale"].sum())
+    if scale:
+        found.append(
+            f"Scale not known in {counted(scale, 'recording')}: neither the empty machine's stated "
+            "mass nor a calibration nor the machine file's uncertainties tell it, so it is not in "
+            "the ±."
+        )
     without = page.results.filter((pl.col("calibration") == "") & (pl.col("cycles_counted") > 0))
     if page.calibrations and without.height:
         found.append(f"{counted(without.height, 'recording')} on days without a calibration.")
@@ -165,6 +174,7 @@ def _machine(row: Mapping[str, Any], page: FleetPage) -> Mapping[str, Any]:
         _cell(row["loads"], ",.0f"),
         _cell(row["payload_kg"] / 1e3, ",.1f"),
         _cell(K * row["payload_u_kg"] / 1e3, ",.1f"),
+        ("not known", "1") if row["without_scale"] else ("known", "0"),
         _cell(float(mine["hours"].sum()), ",.0f"),
     ]
     for signal in SIGNALS:

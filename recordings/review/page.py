@@ -12,7 +12,7 @@ from estimators.errors import counted
 from recordings.pages.render import page_html
 from recordings.review.plots import pictures
 from recordings.review.state import RECORDING, ReviewState
-from recordings.wording import plus_minus
+from recordings.wording import SCALE_NOT_KNOWN, plus_minus
 
 PAGE: Final = "review.html"
 _TEMPLATE: Final = "review.html.j2"
@@ -108,9 +108,29 @@ def headline(shift: Mapping[str, Any], why_not: str) -> str:
         return f"No tonnes: {why_not}"
     loads = counted(shift["cycles_counted"], "load")
     answer = f"{_tonnes(shift['payload_kg'], K * shift['payload_u_kg'])} in {loads}"
+    scale = f", {SCALE_NOT_KNOWN}" if shift["scale_unknown"] else ""
     if not _is_priced(shift):
-        return answer
-    return f"{_tonnes(shift['total_kg'], K * shift['total_u_kg'])} in the shift: {answer} counted"
+        return answer + scale
+    whole = _tonnes(shift["total_kg"], K * shift["total_u_kg"])
+    return f"{whole} in the shift: {answer} counted{scale}"
+
+
+def scale_of(shift: Mapping[str, Any]) -> str:
+    """What tells the scale of the tonnes, or what does not."""
+    if shift["scale_unknown"]:
+        # what changes with the load is left where the empty machine tells the rest
+        ticket = "" if shift["scale_from"] else "machine.empty_mass_u_kg (a weighbridge ticket) or "
+        return (
+            f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so "
+            f"none is in the ±; {ticket}a calibration tells it"
+        )
+    if shift["gain_1"] is None:
+        return f"by the {shift['scale_from']}"
+    told = plus_minus(shift["gain_1"], shift["gain_u_1"])
+    return (
+        f"by the {shift['scale_from']}; here the empty machine weighs {told} of what its machine "
+        "file says"
+    )
 
 
 def _is_priced(shift: Mapping[str, Any]) -> bool:
@@ -164,6 +184,7 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
                 "of that, common to all loads",
                 f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t: more loads do not shrink it",
             ),
+            ("scale", scale_of(shift)),
             (
                 "estimated in gaps and torn files",
                 f"{_number(shift['lost_cycles'], shift['lost_cycles_u'])} cycles, "
@@ -253,11 +274,8 @@ def _warnings(page: ReviewPage) -> list[str]:
         f"These logs show {finding}; payscope explain {RECORDING} says more."
         for finding in state.findings[:_MOST_FINDINGS]
     ]
-    if state.scale_unknown and not page.calibration.counts:
-        found.append(
-            f"Scale not known: the machine file gives no uncertainty of {state.scale_unknown}, so "
-            "none is in the ±; a calibration (--calibration) tells it."
-        )
+    if page.shift["scale_unknown"]:
+        found.append(f"Scale {scale_of(page.shift)}.")
     return found
 
 

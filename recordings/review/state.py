@@ -18,7 +18,7 @@ from recordings.texts import local_time, machine_name
 STATE: Final = "review.json"
 RECORDING: Final = "shift.rrd"
 #: Raised whenever a review that is there has to be made anew.
-FORMAT: Final = 4
+FORMAT: Final = 5
 _NS: Final = 10**9
 #: A message is late when it comes after so many periods.
 _LATE: Final = 1.5
@@ -59,7 +59,6 @@ class ReviewState(BaseModel):
         gate_shares: share of the recorded time by the gate's reason.
         friction: viscous friction of the fit in N·s/m, and its standard deviation.
         friction_parts: the same over the shift.
-        scale_unknown: what the machine file gives no uncertainty of.
         no_cycle: why no cycle was found; empty where one was.
         gaps_s: stretches without a recording, from the first sample.
         findings: causes of a wrong mass that these logs show and that matter, a line each.
@@ -85,7 +84,6 @@ class ReviewState(BaseModel):
     friction: tuple[float | None, float | None]
     friction_parts: tuple[FrictionPart, ...] = ()
     digs: int
-    scale_unknown: str
     findings: tuple[str, ...] = ()
     no_cycle: str = ""
 
@@ -140,7 +138,6 @@ def state_of(run: Run, key: str, recording_sha256: str, resolved: dict[str, Any]
             frames["excitation"], frames["manoeuvres"], frames["nuisances"], about.settings
         ),
         digs=frames["digging"].height,
-        scale_unknown=load["scale_unknown"] or "",
         findings=tuple(finding_line(e) for e in findings_of(run) if e.severity != "tell"),
         no_cycle=_no_cycle(frames["cycles"], frames["loads"]),
     )

@@ -74,10 +74,9 @@ def test_a_name_says_the_dtype():
     whole += ("load_id", "manoeuvres", "mean_samples", "payload_to")
     words = ("kind", "identifiable", "combinations", "method", "check", "about", "meaning")
     words += ("first", "second", "consequence", "remedy", "scale_unknown", "withheld_for")
-    words += ("com_scale_unknown", "quantity", "calibrated_said", "of")
+    words += ("scale_from", "payload_scale_unknown", "com_scale_unknown", "quantity")
+    words += ("calibrated_said", "of", "other")
     whole += ("number",)
-    truths += ("told",)
-    words += ("other",)
     words += ("term", "unit", "cause", "shrinks", "said", "calibrated_reason")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
     words += ("run_id", "load", "day", "log", "left_out_for", "log_sha256", "recording")
@@ -85,7 +84,7 @@ def test_a_name_says_the_dtype():
     whole += ("cycles_rejected", "cycles_without_mass", "loaded_id", "empty_before_id")
     whole += ("empty_after_id", "rank", "digs", "boom_dumps")
     words += ("severity", "channel", "evidence", "setting", "alternatives")
-    truths += ("braking_left_out", "scatter_known", "empty", "used", "counted")
+    truths += ("braking_left_out", "scatter_known", "empty", "used", "counted", "told")
     dtypes = {
         **dict.fromkeys(whole, pl.Int64),
         **dict.fromkeys(words, pl.String),

@@ -48,9 +48,9 @@ def loads(**more):
         "manoeuvres": 4,
         "mass_kg": 3739.0,
         "u_random_kg": 2.0,
-        "payload_kg": None,
-        "payload_u_kg": None,
-        "payload_u_random_kg": None,
+        "own_payload_kg": None,
+        "own_payload_u_kg": None,
+        "own_payload_u_random_kg": None,
         "payload_to": None,
         "empty": False,
         "withheld_for": "",
@@ -155,9 +155,9 @@ def test_evidence_that_does_not_say_what_moved_its_line_leaves_all_of_it_in():
 def test_a_payload_by_difference_is_on_the_line_with_its_interval():
     line = calibration()
     row = {
-        "payload_kg": 120.0,
-        "payload_u_kg": 6.0,
-        "payload_u_random_kg": 3.0,
+        "own_payload_kg": 120.0,
+        "own_payload_u_kg": 6.0,
+        "own_payload_u_random_kg": 3.0,
         "payload_to": 1,
     }
     found = calibrated_loads(loads(**row), line).row(0, named=True)

@@ -22,7 +22,7 @@ FINE = Verdict(())
 
 
 def found(frames: dict[str, pl.DataFrame]) -> pl.DataFrame:
-    return cycles(None, frames, MACHINE, FINE)
+    return cycles(None, frames, MACHINE, FINE).cycles
 
 
 def summed(frames: dict[str, pl.DataFrame]) -> dict[str, float]:

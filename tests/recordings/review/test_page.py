@@ -37,7 +37,6 @@ def page(cycles: int, text: str) -> str:
         ),
         friction=(100.0, 1.0),
         digs=cycles,
-        scale_unknown="",
     )
     rows = ledger(found(frames), state.t0_unix_ns, {})
     track = pl.DataFrame({"latitude_deg": [49.0, 49.001], "longitude_deg": [8.0, 8.001]})

@@ -1,0 +1,109 @@
+"""A weighbridge ticket of the empty machine tells the scale of payloads.
+
+The sledge weighs 100 kg and hauls five loads; its force sensor is wrong by a factor that no one
+knows.
+"""
+
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+
+from analysis.run import Run
+from replay import load_machine
+from replay.machine_file import time_axis
+from replay.pipeline import run
+from replay.readers.formats import open_log
+from tests.replay.sledge import MACHINE
+from tests.replay.sledge_shift import EMPTY_KG, PAYLOADS_KG, sledge_shift
+
+TICKET = "machine.empty_mass_u_kg=0.3"
+KNOWN = "machine.force_gain_u=0.01"
+
+
+@cache
+def replayed(gain: float, *overrides: str) -> Run:
+    """The shift with a force that is too large by a factor."""
+    with TemporaryDirectory() as name:
+        machine, log = Path(name) / "sledge.toml", Path(name) / "shift.csv"
+        machine.write_text(MACHINE)
+        sledge_shift().write_csv(log)
+        scaled = f"channels.force_x_N.scale={gain}"
+        known = load_machine(machine, [scaled, *overrides])
+        with open_log(log, time=time_axis(known)) as opened:
+            return run(opened, known)
+
+
+def payloads(made: Run) -> list[float]:
+    return made.frames["cycles"]["payload_kg"].to_list()
+
+
+def summary(made: Run):
+    return made.frames["shift"].row(0, named=True)
+
+
+@pytest.mark.parametrize("gain", [0.9, 1.1])
+class TestAGainThatNoOneKnows:
+    def test_leaves_payloads_as_they_are_with_a_ticket(self, gain: float):
+        right = payloads(replayed(1.0, TICKET))
+        assert payloads(replayed(gain, TICKET)) == pytest.approx(right, rel=1e-3)
+        assert right == pytest.approx(PAYLOADS_KG, rel=0.02)
+
+    def test_is_in_payloads_without_one(self, gain: float):
+        right = [gain * each for each in payloads(replayed(1.0))]
+        assert payloads(replayed(gain)) == pytest.approx(right, rel=1e-3)
+
+    def test_is_found_with_its_uncertainty(self, gain: float):
+        found = summary(replayed(gain, TICKET))
+        assert abs(found["gain_1"] - gain) < 3.0 * found["gain_u_1"]
+        assert found["gain_u_1"] < 0.02
+
+    def test_leaves_payloads_of_loads_beside_those_of_the_log_alone(self, gain: float):
+        span = ("settings.loads.empty_from_s=0", "settings.loads.empty_to_s=20")
+        right = replayed(1.0, TICKET, *span).frames["loads"]
+        found = replayed(gain, TICKET, *span).frames["loads"]
+        for name, factor in (("payload_kg", 1.0), ("own_payload_kg", gain)):
+            expected = [factor * each for each in right[name]]
+            assert found[name].to_list() == pytest.approx(expected, rel=1e-3, abs=0.05)
+
+
+class TestWhatTellsTheScale:
+    def test_nothing_where_the_machine_file_states_neither(self):
+        found = summary(replayed(1.0))
+        assert (found["scale_from"], found["scale_unknown"]) == ("", "force_gain")
+        assert found["gain_1"] is None
+
+    def test_the_ticket_where_it_has_an_uncertainty(self):
+        found = summary(replayed(1.0, TICKET))
+        assert (found["scale_from"], found["scale_unknown"]) == ("empty machine", "")
+
+    def test_the_machine_file_where_it_knows_its_gain(self):
+        found = summary(replayed(1.0, KNOWN))
+        assert (found["scale_from"], found["scale_unknown"]) == ("machine file", "")
+
+
+class TestUncertainty:
+    @pytest.mark.parametrize("ticket_kg", [0.1, 1.0, 10.0, 100.0])
+    def test_is_never_wider_for_a_ticket(self, ticket_kg: float):
+        alone = summary(replayed(1.0, KNOWN))
+        both = summary(replayed(1.0, KNOWN, f"machine.empty_mass_u_kg={ticket_kg}"))
+        assert both["payload_u_kg"] <= alone["payload_u_kg"] * (1.0 + 1e-9)
+
+    def test_of_the_ticket_is_a_share_of_the_tonnes(self):
+        exact, rough = (
+            summary(replayed(1.0, f"machine.empty_mass_u_kg={u_kg}")) for u_kg in (0.0, 2.0)
+        )
+        added = np.sqrt(rough["payload_u_kg"] ** 2 - exact["payload_u_kg"] ** 2)
+        assert added == pytest.approx(2.0 / EMPTY_KG * sum(PAYLOADS_KG), rel=0.03)
+
+    def test_a_wrong_ticket_is_in_the_payloads_as_it_is_in_their_uncertainty(self):
+        right, wrong = replayed(1.0, TICKET), replayed(1.0, TICKET, "machine.empty_mass_kg=100.3")
+        ratio = summary(wrong)["payload_kg"] / summary(right)["payload_kg"]
+        assert ratio == pytest.approx(1.003, abs=1e-4)
+
+    def test_another_machine_s_ticket_is_said_and_not_absorbed(self):
+        found = replayed(1.0, TICKET, KNOWN, "machine.empty_mass_kg=110.0").frames["cycles"]
+        assert found["payload_kg"].null_count() == found.height
+        assert found["withheld_for"].str.contains("empty_mass: the empty machine weighs").all()
