@@ -240,7 +240,9 @@ def _payload(
     if datum is not None:
         sources = datum.sources(weights)
         told = (datum.scale_1 * own_kg, combined(sources), combined(sources, "random"))
-    found = {f"payload_{n}": value for n, value in zip(names, told, strict=True)}
+    found: dict[str, float | None] = {
+        f"payload_{n}": value for n, value in zip(names, told, strict=True)
+    }
     found |= {f"own_payload_{n}": value for n, value in zip(names, own, strict=True)}
     return found, unknown_scale(sources)
 

@@ -117,17 +117,17 @@ def headline(shift: Mapping[str, Any], why_not: str) -> str:
 
 def scale_of(shift: Mapping[str, Any]) -> str:
     """What tells the scale of the tonnes, or what does not."""
-    told = f"by the {shift['scale_from']}" if shift["scale_from"] else ""
-    if told and shift["gain_1"] is not None:
-        gain = plus_minus(shift["gain_1"], shift["gain_u_1"])
-        told += f"; the empty machine weighs {gain} times its stated mass here"
+    gain = ""
+    if shift["gain_1"] is not None:
+        found = plus_minus(shift["gain_1"], shift["gain_u_1"])
+        gain = f"; the empty machine weighs {found} times its stated mass here"
     if not shift["scale_unknown"]:
-        return told
+        return f"by the {shift['scale_from']}{gain}"
     # what changes with the load is left where the empty machine tells the rest
-    remedy = "known loads" if told else "a weighbridge ticket (machine.empty_mass_u_kg)"
+    remedy = "known loads" if gain else "a weighbridge ticket (machine.empty_mass_u_kg)"
     return (
         f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so none is "
-        f"in the ±; {remedy} or a calibration would tell it" + (f"; else {told}" if told else "")
+        f"in the ±; {remedy} or a calibration would tell it{gain}"
     )
 
 
