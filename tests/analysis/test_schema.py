@@ -83,7 +83,8 @@ def test_a_name_says_the_dtype():
         "scale_from",
         "payload_scale_unknown",
         "com_scale_unknown",
-        "com_scale_unknown",
+        "quantity",
+        "calibrated_said",
     )
     words += ("term", "unit", "cause", "shrinks", "said", "calibrated_reason")
     truths = ("gap", "accepted_x", "accepted_z", "withheld", "withheld_z", "passed")
