@@ -446,7 +446,7 @@ FRAMES: Final[dict[str, Frame]] = {
                     "scale_from",
                     pl.String,
                     "1",
-                    "what tells the scale: machine file, empty machine, calibration; or nothing",
+                    "what tells the whole scale: machine file, empty machine, calibration; or ''",
                 ),
                 _f("own_u_common_kg", "kg", "u_common by the log alone, of loaded less empty"),
                 _f("own_u_shared_kg", "kg", "u_shared by the log alone, likewise"),

@@ -354,8 +354,7 @@ def _worth(
         budget(weighing, machine, empty.weights) if datum is None else datum.sources(empty.weights)
     )
     unknown = unknown_scale(sources)
-    told_by = "" if unknown else BY_MACHINE_FILE
-    told_by = told_by if datum is None else BY_EMPTY_MACHINE
+    told_by = "" if unknown else BY_MACHINE_FILE if datum is None else BY_EMPTY_MACHINE
     scale = ShiftScale(told_by, ", ".join(unknown), gain_1, gain_u_1)
     if datum is None:
         return _Worth(own, own, 1.0, scale)

@@ -117,19 +117,17 @@ def headline(shift: Mapping[str, Any], why_not: str) -> str:
 
 def scale_of(shift: Mapping[str, Any]) -> str:
     """What tells the scale of the tonnes, or what does not."""
-    if shift["scale_unknown"]:
-        # what changes with the load is left where the empty machine tells the rest
-        ticket = "" if shift["scale_from"] else "machine.empty_mass_u_kg (a weighbridge ticket) or "
-        return (
-            f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so "
-            f"none is in the ±; {ticket}a calibration tells it"
-        )
-    if shift["gain_1"] is None:
-        return f"by the {shift['scale_from']}"
-    told = plus_minus(shift["gain_1"], shift["gain_u_1"])
+    gain = ""
+    if shift["gain_1"] is not None:
+        found = plus_minus(shift["gain_1"], shift["gain_u_1"])
+        gain = f"; the empty machine weighs {found} times its stated mass here"
+    if not shift["scale_unknown"]:
+        return f"by the {shift['scale_from']}{gain}"
+    # what changes with the load is left where the empty machine tells the rest
+    remedy = "known loads" if gain else "a weighbridge ticket (machine.empty_mass_u_kg)"
     return (
-        f"by the {shift['scale_from']}; here the empty machine weighs {told} of what its machine "
-        "file says"
+        f"not known: the machine file gives no uncertainty of {shift['scale_unknown']}, so none is "
+        f"in the ±; {remedy} or a calibration would tell it{gain}"
     )
 
 
