@@ -19,11 +19,9 @@ from analysis.weighing.equation import Equation, Floats
 from analysis.weighing.nuisances import Moments, Nuisance
 from estimators.compiled import compiled
 
-#: Between such distances from where a stretch begins, in m, the ground's force goes on a line: an
-#: edge between two grounds is about a metre wide.
-_PLACES_M: Final = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
-#: No more of a stretch is fitted: a machine gains nearly all of its speed there.
-NEAR_M: Final = _PLACES_M[-1]
+#: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
+#: machine's length or two while it gains speed, then farther apart.
+_PLACES_M: Final = (0.0, 2.0, 6.0, 20.0, 60.0)
 #: Length of way, in m, over which the ground's force changes by `ground_change_share`.
 _CHANGES_OVER_M: Final = 10.0
 #: Fewer manoeuvres do not tell the ground from the loads.

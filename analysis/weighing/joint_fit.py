@@ -13,12 +13,11 @@ from analysis.weighing.averages import (
     RelativeLoads,
     averages,
     stride_of,
-    travelled_m,
 )
 from analysis.weighing.effects import LikelyEffects
 from analysis.weighing.equation import Equation, Floats, Ints, KeptNoise, NoiseOfColumns
 from analysis.weighing.fit_task import FitTask
-from analysis.weighing.ground import FEWEST, GROUND, NEAR_M
+from analysis.weighing.ground import FEWEST, GROUND
 from analysis.weighing.joint_result import JointFit, MotionResponses
 from analysis.weighing.kinematics import Kinematics, kinematics
 from analysis.weighing.nuisances import (
@@ -273,11 +272,7 @@ def _states(found: JointFit) -> States:
 
 
 def _on_uneven_ground(found: JointFit, of: Fitted, group: Ints) -> Fitted:
-    """The first metres of each stretch, with constants that differ from stretch to stretch.
-
-    A step of the ground farther on comes back at every haul, and beside the small accelerations of
-    cruising it is as large as a load.
-    """
+    """Likewise with constants that differ from stretch to stretch."""
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
     residual = found.fit.residual
@@ -285,10 +280,4 @@ def _on_uneven_ground(found: JointFit, of: Fitted, group: Ints) -> Fitted:
     a_second = found.motion.rate_hz / stride_of(found.mean_samples)
     noise = white * max(2.0 * float(correlation[: max(round(a_second), 1)].sum()) - 1.0, 1.0)
     std_N = of.priors.ground_uneven_share * found.motion.weight
-    near = of.motion.without(of.motion.used & (travelled_m(of.motion) > NEAR_M))
-    return replace(
-        of,
-        motion=near,
-        wheels=_wheels(near, of.noise, of.priors),
-        uneven_1_s=std_N**2 * a_second / noise,
-    )
+    return replace(of, uneven_1_s=std_N**2 * a_second / noise)

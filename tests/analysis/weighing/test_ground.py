@@ -50,19 +50,19 @@ def test_the_changes_along_the_way_are_lines_between_places():
     assert whole[0] == 0.0
     assert whole[-1] == pytest.approx(len(changes))
     assert (np.diff(whole) >= 0.0).all()
-    # 2.5 m into a way: two whole lines of a metre, and a part of the next
-    assert 2.0 < np.interp(2.5, PLACES_M, whole) < 3.0
+    # 10 m into a way: two whole lines of 2 and 6 m, and a part of the next
+    assert 2.0 < np.interp(10.0, PLACES_M, whole) < 3.0
 
 
 def test_a_machine_in_reverse_feels_the_ground_of_its_own_way_the_other_way_round():
-    forward, reverse = "ground_forward_0_1m", "ground_reverse_0_1m"
+    forward, reverse = "ground_forward_0_2m", "ground_reverse_0_2m"
     assert not force(moments(direction=-1.0), forward).any()
     backward = force(moments(direction=-1.0), reverse)
     np.testing.assert_allclose(backward, -force(moments(), forward))
 
 
 def test_loaded_starts_and_empty_ones_are_on_ground_of_their_own():
-    names = "ground_forward_by_load", "ground_forward_4_6m_by_load"
+    names = "ground_forward_by_load", "ground_forward_2_6m_by_load"
     loaded, empty = (force(moments(contrast=each), *names) for each in (1.0, -1.0))
     np.testing.assert_allclose(loaded, -empty)
     assert loaded.any()
@@ -79,6 +79,6 @@ def test_few_manoeuvres_have_none_and_those_one_way_none_of_the_other():
 def test_every_term_needs_load_states_and_is_wider_over_a_longer_way():
     assert all(term.by_load for term in GROUND)
     widths = {term.name: term.width(motion(FEWEST), PriorSettings()) for term in GROUND}
-    assert widths["ground_forward_0_1m"] < widths["ground_forward_4_6m"]
+    assert widths["ground_forward_0_2m"] < widths["ground_forward_2_6m"]
     # half a percent of the weight over ten metres
-    assert widths["ground_forward_0_1m"] == pytest.approx(0.005 * 40_000.0 * np.sqrt(0.1))
+    assert widths["ground_forward_20_60m"] == pytest.approx(0.005 * 40_000.0 * 2.0)
