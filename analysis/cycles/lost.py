@@ -10,7 +10,7 @@ Ints = NDArray[np.int64]
 
 _NS: Final = 1e9
 #: Shorter holes lose no cycle.
-_HOLE_S: Final = 1.0
+HOLE_S: Final = 1.0
 #: Fewer dumps tell no period.
 _FEWEST: Final = 3
 #: A period longer than so many middling ones has idling in it.
@@ -44,7 +44,7 @@ def holes(excitation: pl.DataFrame, aligned: pl.DataFrame) -> list[tuple[int, in
     here = t_ns[~aligned["gap"].to_numpy()]
     if here.size < 2:
         return []
-    wide = np.flatnonzero(np.diff(here) > _HOLE_S * _NS)
+    wide = np.flatnonzero(np.diff(here) > HOLE_S * _NS)
     return [(int(here[k]), int(here[k + 1])) for k in wide]
 
 

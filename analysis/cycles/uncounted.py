@@ -13,6 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis.cycles.dumps import ONE_DUMP_NS, BoomDumps, boom_dumps, standing
+from analysis.cycles.lost import HOLE_S
 from analysis.cycles.parts import IDLE_S
 from analysis.windows import runs_of
 
@@ -35,8 +36,6 @@ _STEADY: Final = 0.25
 _RHYTHM: Final = 0.6
 #: Fewer dumps have none.
 _FEWEST: Final = 6
-#: A sample later than this, in s, follows a hole, whose cycles are priced apart.
-_HOLE_S: Final = 1.0
 #: Digging is a witness where so many of the counted cycles have it.
 _MOSTLY: Final = 0.5
 
@@ -139,7 +138,8 @@ def _out_of_rhythm(dumps_ns: Ints, excitation: pl.DataFrame) -> list[float]:
         return []
     t_ns, stands = excitation["t_ns"].to_numpy(), standing(excitation)
     step_s = np.diff(t_ns, prepend=t_ns[0]) / _NS
-    step_s[step_s > _HOLE_S] = 0.0
+    # cycles of a hole are priced apart
+    step_s[step_s > HOLE_S] = 0.0
     for begin, end in zip(*runs_of(stands), strict=True):
         if t_ns[end] - t_ns[begin] > IDLE_S * _NS:
             step_s[begin : end + 1] = 0.0

@@ -300,7 +300,7 @@ def _columns(
         _since(motion.group) / motion.rate_hz,
         np.zeros(speed.size) if loads is None else loads.at(motion.unit),
         np.zeros(speed.size) if loads is None else loads.contrast_at(motion.unit),
-        travelled_m(motion),
+        _travelled(motion),
         found.slip_s_m,
         found.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
@@ -331,7 +331,7 @@ def _since(group: Ints) -> Ints:
     return row - np.maximum.accumulate(np.where(begins(group), row, 0))
 
 
-def travelled_m(motion: Equation) -> Floats:
+def _travelled(motion: Equation) -> Floats:
     """How far each sample is from the begin of its stretch, (n,) in m."""
     way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
     return way - way[np.arange(way.size) - _since(motion.group)]

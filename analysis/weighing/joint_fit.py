@@ -258,7 +258,7 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
             # the same loads, whose scatter is known better now
             found = replace(found, states=states)
             return again(found, of.noise, of.priors, rounds=2, rows=rows)
-        of = _on_uneven_ground(found, of, rows.group)
+        of = _with_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
         if any(np.array_equal(states.of, each.of) for each in map(_states, tried)):
             break
@@ -271,7 +271,7 @@ def _states(found: JointFit) -> States:
     return found.states
 
 
-def _on_uneven_ground(found: JointFit, of: Fitted, group: Ints) -> Fitted:
+def _with_uneven_ground(found: JointFit, of: Fitted, group: Ints) -> Fitted:
     """Likewise with constants that differ from stretch to stretch."""
     if of.uneven_1_s or found.motion.manoeuvres < FEWEST:
         return of
