@@ -215,6 +215,12 @@ class PriorSettings(BaseModel):
         gt=0,
         description="prior of the change of the ground's force over ten metres, likewise",
     )
+    ground_route_share: float = Field(
+        0.01,
+        gt=0,
+        description="prior of the change of rolling resistance over ten metres of the route between "
+        "loading and dumping, likewise",
+    )
     viscous_drift_share: float = Field(
         0.1,
         gt=0,

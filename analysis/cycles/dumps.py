@@ -80,6 +80,10 @@ class BoomDumps:
         """Those whose boom is out in a stretch of time: one who creeps may dump before it."""
         return [each for each in self.dumps if start_ns <= each.end_ns and each.start_ns <= end_ns]
 
+    def none_in(self, start_ns: int, end_ns: int) -> bool:
+        """Whether the boom would show a dump in a stretch of time, and shows none."""
+        return self.tells and not self.beside(start_ns, end_ns)
+
 
 #: Of a log whose boom shows none.
 NO_DUMPS: Final = BoomDumps(tells=False)

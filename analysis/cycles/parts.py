@@ -71,10 +71,11 @@ def cycle_parts(found: Passes, digs: pl.DataFrame) -> list[CycleParts]:
                 and start_ns - now.dig_ns[1] < found.one_filling_ns
                 and not found.dumps.within(now.dig_ns[1], start_ns)
             )
+            # a bucket that is not dumped since is full: what looks like digging fills none
             inside = (
                 now is not None
-                and now.loaded is not None
-                and start_ns < int(found.end_ns[now.loaded])
+                and now.haul_ns is not None
+                and (start_ns < now.haul_ns[1] or found.dumps.none_in(now.haul_ns[0], start_ns))
             )
             if again and now is not None and now.dig_ns is not None:
                 now.dig_ns = (now.dig_ns[0], span[1])

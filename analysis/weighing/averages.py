@@ -17,6 +17,7 @@ from analysis.weighing.equation import (
     ground_speed,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
+from analysis.weighing.route import Route
 from estimators import group_sums
 from estimators.fit_loss import group_rows
 from estimators.group_mean import trailing_group_means
@@ -33,6 +34,8 @@ _RATE_COUNTS: Final = 4.0
 _LEAST_GAIN: Final = 0.5
 #: No load is more than this share of the mass that it is related to.
 _LARGEST_LOAD: Final = 0.9
+#: Between these quantiles of the manoeuvres' masses is the middle of empty and loaded ones.
+_EMPTY_AND_LOADED: Final = (0.1, 0.9)
 #: Samples of the parabola that gives the derivative.
 _RATE_SAMPLES: Final = 9
 
@@ -65,6 +68,10 @@ class RelativeLoads:
         """The same over the root mean square of all manoeuvres'."""
         return self.at(unit) / max(float(np.sqrt(np.mean(self.value**2))), 1e-9)
 
+    def loaded_at(self, unit: Ints) -> Bools:
+        """Whether samples of these manoeuvres haul, (n,)."""
+        return self.at(unit) > float(np.quantile(self.value, _EMPTY_AND_LOADED).mean())
+
     def at(self, unit: Ints) -> Floats:
         """Of samples of these manoeuvres, (n,); one that is not known goes with the one before."""
         place = np.searchsorted(self.unit, unit, "right") - 1
@@ -84,6 +91,7 @@ class EarlierRounds:
         speed_late_s: how late the speed is, by the wheels.
         motion_gain: share of the acceleration's own part, without gravity's, that is added to it.
         relative_loads: of the load states; None where there is one.
+        route: between where they are loaded and dumped; None where none is dumped.
         uneven_1_s: how much the ground's force differs from stretch to stretch, in variances of the
             noise of a second.
     """
@@ -96,6 +104,7 @@ class EarlierRounds:
     speed_late_s: float = 0.0
     motion_gain: float = 0.0
     relative_loads: RelativeLoads | None = None
+    route: Route | None = None
     uneven_1_s: float = 0.0
 
     def acting(self, motion: Equation) -> Floats:
@@ -301,6 +310,7 @@ def _columns(
         np.zeros(speed.size) if loads is None else loads.at(motion.unit),
         np.zeros(speed.size) if loads is None else loads.contrast_at(motion.unit),
         _travelled(motion),
+        *_along_route(motion, found),
         found.slip_s_m,
         found.transfer_s2_m,
         (0.0, 0.0) if loads is None else loads.weight_shares,
@@ -335,6 +345,14 @@ def _travelled(motion: Equation) -> Floats:
     """How far each sample is from the begin of its stretch, (n,) in m."""
     way = np.cumsum(np.abs(motion.speed)) / motion.rate_hz
     return way - way[np.arange(way.size) - _since(motion.group)]
+
+
+def _along_route(motion: Equation, found: EarlierRounds) -> tuple[Floats, float]:
+    """Where each sample is on the route, (n,), and how long that is; 0 where there is none."""
+    loads, route = found.relative_loads, found.route
+    if loads is None or route is None:
+        return np.zeros(motion.speed.size), 0.0
+    return route.position(motion, loads.loaded_at(motion.unit)), route.haul_m
 
 
 def _under_way(group: Ints, lag: int) -> Ints:

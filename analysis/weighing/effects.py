@@ -22,7 +22,7 @@ from estimators.prior_fit import PriorFit
 _WIDTHS: Final = {
     "friction": ("viscous_drift_share",),
     "gain": ("gain_drift",),
-    "ground": ("ground_share", "ground_change_share"),
+    "ground": ("ground_share", "ground_change_share", "ground_route_share"),
 }
 #: The effect that each term is of.
 EFFECTS: Final = {

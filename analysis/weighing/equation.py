@@ -93,6 +93,7 @@ class Equation:
         without_gravity: likewise with gravity's share by the pitch taken off.
         wheel_acceleration: derivative of the wheels' speed, in m/s², where it multiplies the mass.
         progress: from -1/2 to 1/2 over the log.
+        driven_m: how far the machine has driven since the log began, whichever way.
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
         weight: of the machine without load, in N; of what this log says where it is not known.
@@ -112,6 +113,7 @@ class Equation:
     without_gravity: Floats | None
     wheel_acceleration: Floats | None
     progress: Floats
+    driven_m: Floats
     by_accelerometer: bool
     force_share: float
     weight: float
@@ -151,6 +153,7 @@ class Equation:
             without_gravity=None if level is None else level[cut],
             wheel_acceleration=None if wheels is None else wheels[cut],
             progress=self.progress[cut],
+            driven_m=self.driven_m[cut],
             arms=tuple(each[cut] for each in self.arms),
             digs=None if self.digs is None else self.digs[cut],
             empty=None if self.empty is None else self.empty[cut],
@@ -280,6 +283,7 @@ def equation(
         level,
         _column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         _progress(speed.size),
+        np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),

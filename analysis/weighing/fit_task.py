@@ -20,6 +20,7 @@ from analysis.weighing.nuisances import (
     weight_in_const,
     weight_in_direction,
 )
+from analysis.weighing.route import Route
 from analysis.weighing.states import States, stretch_units
 from estimators import prior_fit
 from estimators.prior_fit import Grouping
@@ -62,7 +63,8 @@ class FitTask:
             slip_1_N=self._slip(),
             motion_gain=self._squat_gain(),
             speed_late_s=self._speed_late_s(),
-            relative_loads=self._relative_loads(),
+            relative_loads=(loads := self._relative_loads()),
+            route=self._route(loads),
             uneven_1_s=self.uneven_1_s,
         )
 
@@ -151,6 +153,12 @@ class FitTask:
         shares = [split(self.motion, self.priors).expected for split in splits]
         return RelativeLoads.of(states.unit, masses_kg[states.of], (shares[0], shares[1]))
 
+    def _route(self, loads: RelativeLoads | None) -> Route | None:
+        """Between where these loads are loaded and dumped."""
+        if loads is None:
+            return None
+        return Route.of(self.motion, loads.unit, loads.loaded_at(loads.unit))
+
     def _found(
         self, before: EarlierRounds, theta: Floats, *, shift: bool
     ) -> tuple[EarlierRounds, float]:
@@ -170,7 +178,8 @@ class FitTask:
                 np.clip(share * by_name["const"], -_MOST_OFFSET * width, _MOST_OFFSET * width)
             ),
             slip_s_m=by_name["slip"],
-            relative_loads=self._relative_loads(theta[:masses]),
+            relative_loads=(loads := self._relative_loads(theta[:masses])),
+            route=self._route(loads),
         )
         return after, abs(late_s)
 

@@ -5,6 +5,10 @@ and rolling resistance do there, and how they change on the way, comes back with
 start, so that more starts do not average it out: a mass alone would have to take it. So each
 direction has a force along the way for loaded starts and one for empty ones, on a line between a
 few places. What is the same at all such starts is no mass.
+
+On its way back the machine drives over the ground of its haul. Counted from the dump, how rolling
+resistance changes along that route is one force for all loads, in proportion to the weight: an edge
+between two grounds, which a loaded machine crosses while it gains speed, an empty one cruises over.
 """
 
 from collections.abc import Callable
@@ -20,10 +24,12 @@ from analysis.weighing.nuisances import Moments, Nuisance
 from estimators.compiled import compiled
 
 #: Between such distances from where a stretch begins, in m, the ground's force goes on a line: a
-#: machine's length or two while it gains speed, then farther apart.
-_PLACES_M: Final = (0.0, 2.0, 6.0, 20.0, 60.0)
+#: machine's length or two while it gains speed. Farther on the ground is the route's.
+_PLACES_M: Final = (0.0, 2.0, 6.0)
 #: Length of way, in m, over which the ground's force changes by `ground_change_share`.
 _CHANGES_OVER_M: Final = 10.0
+#: Between so many places along the route it does likewise.
+_ROUTE_PARTS: Final = 20
 #: Fewer manoeuvres do not tell the ground from the loads.
 FEWEST: Final = 24
 #: A direction has ground of its own that so much of the samples drive in.
@@ -121,5 +127,31 @@ def _changes(over_m: float) -> Callable[[Equation, PriorSettings], float]:
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
 
 
+def _of_route(part: int) -> Nuisance:
+    """How rolling resistance changes along a part of the route."""
+    begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
+
+    def column(m: Moments) -> Floats:
+        over_m = m.haul_m / _ROUTE_PARTS
+        changes = _ramp(m.route_1, begin, end) * np.sqrt(over_m / _CHANGES_OVER_M)
+        return m.direction * (1.0 + m.relative_load) * changes
+
+    return Nuisance(
+        f"ground_route_{part + 1}_of_{_ROUTE_PARTS}",
+        "N",
+        column,
+        lambda e, s: s.ground_route_share * e.weight,
+        "how rolling resistance changes along the route, over ten metres",
+        "more cycles; even ground",
+        applies=lambda e: e.manoeuvres >= FEWEST,
+        by_load=True,
+        source=SOURCE,
+    )
+
+
 #: Behind the other terms.
-GROUND: Final = (*_Way("forward", 1.0).terms(), *_Way("reverse", -1.0).terms())
+GROUND: Final = (
+    *_Way("forward", 1.0).terms(),
+    *_Way("reverse", -1.0).terms(),
+    *map(_of_route, range(_ROUTE_PARTS)),
+)

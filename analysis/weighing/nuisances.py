@@ -35,6 +35,8 @@ class Moments:
         relative_load: of the machine with its load over the reference mass, less 1.
         load_contrast: the same over its root mean square: about -1 without a load, 1 with one.
         travelled_m: how far it is from where the stretch begins, in m.
+        route_1: where it is on the route, from 0 where loads are dumped to 1 where it is loaded.
+        haul_m: how long the route is.
         slip_s_m: what slip was found to cost, as a share of the force a m/s.
         transfer_s2_m: what load transfer was found to add to the force, likewise a m/s².
         weight_shares: of the constant force and of Coulomb friction, what is expected to be in
@@ -53,6 +55,8 @@ class Moments:
     relative_load: Floats
     load_contrast: Floats
     travelled_m: Floats
+    route_1: Floats
+    haul_m: float
     slip_s_m: float
     transfer_s2_m: float
     weight_shares: tuple[float, float]
@@ -73,6 +77,7 @@ class Moments:
             relative_load=self.relative_load[rows],
             load_contrast=self.load_contrast[rows],
             travelled_m=self.travelled_m[rows],
+            route_1=self.route_1[rows],
         )
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.cycles.parts import CycleParts, dump_times
+from analysis.cycles.dumps import NO_DUMPS, BoomDump, BoomDumps
+from analysis.cycles.parts import CycleParts, cycle_parts, dump_times
 from analysis.cycles.passes import Passes
 
 NS = 10**9
@@ -55,3 +56,24 @@ def test_a_boom_that_moves_once_more_after_idling_has_not_dumped_in_between(
 
 def test_without_a_boom_it_is_the_middle_of_the_stand() -> None:
     assert dumped_s(np.zeros(100)) == pytest.approx(49.5)
+
+
+@pytest.mark.parametrize(
+    ("boom", "cycles"),
+    [
+        # the boom dumps behind what looks like digging: the bucket was still full
+        (BoomDumps(tells=True, dumps=(BoomDump(50 * NS, 52 * NS, 51 * NS),)), 1),
+        # it dumped before: the bucket is filled once more
+        (BoomDumps(tells=True, dumps=(BoomDump(40 * NS, 41 * NS, 40 * NS),)), 2),
+        # it tells nothing: digging is a cycle
+        (NO_DUMPS, 2),
+    ],
+)
+def test_a_bucket_that_is_full_is_not_filled(boom: BoomDumps, cycles: int) -> None:
+    begins_s, ends_s = np.array([10, 60]), np.array([39, 90])
+    found = Passes(
+        np.arange(2), np.ones(2), np.array([True, False]), np.ones(2), np.ones(2),
+        begins_s * NS, ends_s * NS, dumps=boom,
+    )  # fmt: skip
+    digs = pl.DataFrame({"start_t_ns": [2 * NS, 45 * NS], "end_t_ns": [5 * NS, 46 * NS]})
+    assert len(cycle_parts(found, digs)) == cycles

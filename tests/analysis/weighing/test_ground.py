@@ -1,5 +1,7 @@
 """Ground along the way: terms that are the same at every start with a load, or without one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,8 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> Moments:
         zeros,
         np.full(SAMPLES, contrast),
         PLACES_M,
+        np.linspace(1.0, 0.0, SAMPLES),
+        40.0,
         0.0,
         0.0,
         (0.0, 0.0),
@@ -34,8 +38,8 @@ def motion(manoeuvres: int, reverse: bool = True) -> Equation:
     zeros, number = np.zeros(manoeuvres), np.arange(manoeuvres)
     direction = np.where((number % 2 == 1) & reverse, -1.0, 1.0)
     return Equation(
-        zeros, zeros, zeros, number, direction, number, 100.0, None, None, None, zeros, True, 1.0,
-        40_000.0,
+        zeros, zeros, zeros, number, direction, number, 100.0, None, None, None, zeros, zeros,
+        True, 1.0, 40_000.0,
     )  # fmt: skip
 
 
@@ -50,8 +54,8 @@ def test_the_changes_along_the_way_are_lines_between_places():
     assert whole[0] == 0.0
     assert whole[-1] == pytest.approx(len(changes))
     assert (np.diff(whole) >= 0.0).all()
-    # 10 m into a way: two whole lines of 2 and 6 m, and a part of the next
-    assert 2.0 < np.interp(10.0, PLACES_M, whole) < 3.0
+    # 4 m into a way: one whole line of 2 m, and half of the next
+    assert np.interp(4.0, PLACES_M, whole) == pytest.approx(1.5, abs=0.05)
 
 
 def test_a_machine_in_reverse_feels_the_ground_of_its_own_way_the_other_way_round():
@@ -71,9 +75,9 @@ def test_loaded_starts_and_empty_ones_are_on_ground_of_their_own():
 def test_few_manoeuvres_have_none_and_those_one_way_none_of_the_other():
     assert not [term for term in GROUND if term.applies(motion(FEWEST - 1))]
     one_way = [term.name for term in GROUND if term.applies(motion(FEWEST, reverse=False))]
-    assert one_way
-    assert not [name for name in one_way if "reverse" in name]
-    assert len([term for term in GROUND if term.applies(motion(FEWEST))]) == 2 * len(one_way)
+    both_ways = [term.name for term in GROUND if term.applies(motion(FEWEST))]
+    assert [name for name in both_ways if "reverse" not in name] == one_way
+    assert sum("forward" in name for name in one_way) == len(both_ways) - len(one_way) > 0
 
 
 def test_every_term_needs_load_states_and_is_wider_over_a_longer_way():
@@ -81,4 +85,16 @@ def test_every_term_needs_load_states_and_is_wider_over_a_longer_way():
     widths = {term.name: term.width(motion(FEWEST), PriorSettings()) for term in GROUND}
     assert widths["ground_forward_0_2m"] < widths["ground_forward_2_6m"]
     # half a percent of the weight over ten metres
-    assert widths["ground_forward_20_60m"] == pytest.approx(0.005 * 40_000.0 * 2.0)
+    assert widths["ground_forward_2_6m"] == pytest.approx(0.005 * 40_000.0 * np.sqrt(0.4))
+
+
+def test_the_route_has_an_edge_wherever_it_is_for_all_loads_and_in_proportion_to_them():
+    parts = [term for term in GROUND if "route" in term.name]
+    whole = np.sum([term.column(moments()) for term in parts], axis=0)
+    # 40 m in lines of 2 m, counted from the dump, whose width is that of a change over 10 m
+    assert whole[-1] == 0.0
+    assert whole[0] == pytest.approx(len(parts) * np.sqrt(40.0 / len(parts) / 10.0))
+    heavier = replace(moments(), relative_load=np.full(SAMPLES, 0.3))
+    np.testing.assert_allclose(
+        np.sum([term.column(heavier) for term in parts], axis=0), 1.3 * whole
+    )

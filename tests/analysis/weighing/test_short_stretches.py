@@ -40,6 +40,7 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> Equation:
         without_gravity=None,
         wheel_acceleration=None,
         progress=np.arange(n) / n - 0.5,
+        driven_m=np.zeros(n),
         by_accelerometer=False,
         force_share=1.0,
         weight=35_000.0,
