@@ -218,8 +218,8 @@ class PriorSettings(BaseModel):
     ground_route_share: float = Field(
         0.01,
         gt=0,
-        description="prior of the change of rolling resistance over ten metres of the route between "
-        "loading and dumping, likewise",
+        description="prior of the change of rolling resistance over ten metres of the route from "
+        "loading to dumping, likewise",
     )
     viscous_drift_share: float = Field(
         0.1,

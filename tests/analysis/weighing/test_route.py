@@ -11,7 +11,7 @@ RATE_HZ = 10.0
 
 
 def shuttle(cycles: int, first_loaded: bool = True) -> tuple[Equation, np.ndarray, np.ndarray]:
-    """A machine that hauls 40 m and comes back in reverse, its manoeuvres, and which of them haul."""
+    """A machine that hauls 40 m and comes back in reverse, its manoeuvres, and which haul."""
     legs = 2 * cycles
     speed_m_s = np.tile([2.0, -2.0], cycles).repeat(round(HAUL_M / 2.0 * RATE_HZ))
     number = np.arange(legs).repeat(round(HAUL_M / 2.0 * RATE_HZ))
