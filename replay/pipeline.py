@@ -174,7 +174,7 @@ def _judged(
     excitation = forces(smoothed, machine)
     del smoothed
     on_stage("noise")  # of every column, from standstill and fast changes
-    noise = channel_noise(aligned, excitation, machine)
+    noise = channel_noise(aligned, excitation, machine, read)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate(excitation, settings, noise)
     digs = digging(excitation, machine)  # what pushes back is no mass
