@@ -19,7 +19,7 @@ from analysis import filters
 from analysis.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.machine import Machine
 from analysis.mounting import Series
-from analysis.noise_limits import bound
+from analysis.noise_limits import RESIDUALS, SPREAD, bound
 from analysis.noise_spectra import (
     LAGS,
     Bools,
@@ -44,6 +44,14 @@ from analysis.own_noise import hidden, own_noise
 from analysis.regressor import YAW_COLUMNS
 from analysis.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
 from analysis.settings import NoiseSettings
+
+#: What is said of a source that is not the usual one.
+_INSTEAD: Final[Mapping[str, str]] = {
+    "samples": "the grid does not show it, so the channels' own samples tell it, through what is "
+    "done to them",
+    RESIDUALS: "its fast changes are motion too, so it is what force and motion leave over at most",
+    SPREAD: "its fast changes are more than it varies by, so it is taken for noise alone",
+}
 
 Complexes = NDArray[np.complex128]
 
@@ -135,6 +143,21 @@ def channel_noise(
         _override(found, sources, axis, machine.settings.noise)
         tables.append(_table(tuple(axis), found, sources))
     return build("noise", pl.concat(tables).to_dict())
+
+
+def notes(noise: pl.DataFrame) -> list[str]:
+    """Say which columns' noise the grid does not show, and what tells it instead.
+
+    Args:
+        noise: as `channel_noise` makes it.
+    """
+    own = noise.filter((pl.col("first") == pl.col("second")) & (pl.col("lag") == 0))
+    said: list[str] = []
+    for source, why in _INSTEAD.items():
+        names = own.filter(pl.col("source") == source)["first"].to_list()
+        if names:
+            said.append(f"noise of {', '.join(names)}: {why}")
+    return said
 
 
 def _from_samples(

@@ -9,6 +9,7 @@ import polars as pl
 from analysis.align import align
 from analysis.align import notes as grid_notes
 from analysis.channel_noise import channel_noise
+from analysis.channel_noise import notes as noise_notes
 from analysis.check import Verdict
 from analysis.cycles.cycles import cycles
 from analysis.cycles.shift import shift
@@ -175,6 +176,7 @@ def _judged(
     del smoothed
     on_stage("noise")  # of every column, from standstill and fast changes
     noise = channel_noise(aligned, excitation, machine, read)
+    notes += noise_notes(noise)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate(excitation, settings, noise)
     digs = digging(excitation, machine)  # what pushes back is no mass
