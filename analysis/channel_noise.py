@@ -13,9 +13,8 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-from analysis import filters
+from analysis.column_response import ColumnResponse, responses
 from analysis.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.machine import Machine
 from analysis.mounting import Series
@@ -52,8 +51,6 @@ _INSTEAD: Final[Mapping[str, str]] = {
     RESIDUALS: "its fast changes are motion too, so it is what force and motion leave over at most",
     SPREAD: "its fast changes are more than it varies by, so it is taken for noise alone",
 }
-
-Complexes = NDArray[np.complex128]
 
 #: The machine rocks after it has stopped, and its torque rises before it starts.
 _AFTER_STOP_S: Final = 0.6
@@ -135,7 +132,7 @@ def channel_noise(
         x = np.column_stack([columns[name] for name in axis])
         known = np.isfinite(x).all(axis=1) & ~gap
         samples = _samples(x, stands & known, moves & known, known, rate_hz)
-        made = _made(tuple(axis), machine)
+        made = responses(tuple(axis), machine)
         found, sources = _noise(samples, made)
         if read is not None:
             _from_samples(found, sources, tuple(axis), machine, read)
@@ -233,74 +230,7 @@ def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: floa
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Made:
-    """How a column comes from what was measured.
-
-    Attributes:
-        derivatives: how often it was differentiated.
-        derivative_of: the column of the axis that it is the derivative of, -1 for none.
-        filtered: whether the low-pass was applied.
-        cutoff: of the low-pass, over the rate.
-        causal: whether filter and derivative look back only.
-        rate_hz: of the grid.
-    """
-
-    derivatives: int
-    derivative_of: int
-    filtered: bool
-    cutoff: float
-    causal: bool
-    rate_hz: float
-
-    def response(self, at: Floats) -> Floats:
-        """Power at frequencies over the rate, of white noise of variance 1 as measured."""
-        slope = 2.0 * np.sin(np.pi * at) if self.causal else np.sin(2.0 * np.pi * at)
-        power = (slope * self.rate_hz) ** (2 * self.derivatives)
-        if self.filtered:
-            power = power * filters.power_left(at / self.cutoff, causal=self.causal)
-        return power
-
-    def slope(self, at: Floats) -> Complexes:
-        """Transfer of one derivative at frequencies over the rate."""
-        if self.causal:
-            return np.asarray(self.rate_hz * (1.0 - np.exp(-2j * np.pi * at)), np.complex128)
-        return self.rate_hz * 1j * np.sin(2.0 * np.pi * at)
-
-
-def _made(axis: tuple[str, ...], machine: Machine) -> list[_Made]:
-    """How each column of an axis is made."""
-    chosen = machine.settings.forces.acceleration
-    channels = machine.channels
-    names = [
-        {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
-        if name == "regressor_acc_x_m_s2"
-        else name
-        for name in axis
-    ]
-    filtered = any(channel.derivative_of for channel in channels.values())
-    cutoff = machine.settings.filter.cutoff_hz / machine.settings.align.rate_hz
-    made: list[_Made] = []
-    for name in names:
-        depth, at = 0, name
-        while at in channels and channels[at].sources:
-            depth += channels[at].derivative_of is not None
-            at = channels[at].sources[0]
-        parent = channels[name].derivative_of if name in channels else None
-        made.append(
-            _Made(
-                depth,
-                names.index(parent) if parent in names else -1,
-                filtered and cutoff < filters.HIGHEST_CUTOFF,
-                cutoff,
-                machine.settings.filter.causal,
-                machine.settings.align.rate_hz,
-            )
-        )
-    return made
-
-
-def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
+def _noise(samples: _Samples, made: list[ColumnResponse]) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS) and the source of each column's."""
     p = samples.x.shape[1]
     cut = pieces(samples.x, samples.quiet)
@@ -367,7 +297,7 @@ def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 
 
-def _level(power: Floats, made: _Made, samples: _Samples) -> Floats:
+def _level(power: Floats, made: ColumnResponse, samples: _Samples) -> Floats:
     """Spectrum of a column from its fast changes (frequencies,), at `spectrum_frequencies`."""
     at, wanted = frequencies(), spectrum_frequencies()
     response = made.response(at)

@@ -81,7 +81,7 @@ def low_pass(
     return np.concatenate(times), np.concatenate(outputs)
 
 
-def power_left(at: Floats | float, *, causal: bool = False) -> Floats | float:
+def power_left(at: Floats, *, causal: bool) -> Floats:
     """Share of the power that the low-pass leaves at frequencies over its cut-off.
 
     As far as they are well below half the rate.

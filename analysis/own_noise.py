@@ -7,7 +7,7 @@ and what comes out is looked at. No formula has to know of holes, jitter, means 
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 import numpy as np
@@ -55,23 +55,20 @@ def hidden(
         read: by channel, as it was measured.
     """
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
+    causal = machine.settings.filter.causal
     own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
     derived = any(channel.derivative_of for channel in machine.channels.values())
+
+    def of(names: Iterable[str]) -> list[float]:
+        made_of = frozenset[str]().union(*(rates.sources(name, machine) for name in names))
+        return [own_hz[name] for name in made_of if name in own_hz]
+
     found: list[bool] = []
     for names in columns:
-        together = next((each for each in rates.regressors(machine) if each & {*names}), {*names})
-        beside = [
-            own_hz[source]
-            for other in together
-            for source in rates.sources(other, machine)
-            if source in own_hz
-        ]
-        mine = [
-            own_hz[source]
-            for name in names
-            for source in rates.sources(name, machine)
-            if source in own_hz
-        ]
+        mine = of(names)
+        beside = of(
+            next((each for each in rates.regressors(machine) if each & {*names}), frozenset(names))
+        )
         if not mine:
             found.append(False)
             continue
@@ -80,7 +77,8 @@ def hidden(
         slow = min(beside) * filters.OTHER_RATE < (PAPER_HZ if derived else rate_hz)
         filtered = derived and cutoff_hz < filters.HIGHEST_CUTOFF * min(mine)
         top_hz = fast_band(rate_hz)[1] * rate_hz
-        stopped = filtered and filters.power_left(top_hz / cutoff_hz) < _SHOWS
+        left = filters.power_left(np.array(top_hz / cutoff_hz), causal=causal)
+        stopped = filtered and float(left) < _SHOWS
         other = derived and abs(min(mine) / rate_hz - 1.0) > _SAME_RATE
         found.append(mixed or slow or stopped or other)
     return found
@@ -134,7 +132,7 @@ def _beginning(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str,
 
 def _sums(x: Floats) -> tuple[Floats, Floats]:
     """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
-    known = np.isfinite(x).all(axis=1)
+    known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
     # an offset of a derived channel is no noise
     x = np.where(known[:, None], x - x.sum(axis=0) / max(int(known.sum()), 1), 0.0)
@@ -153,7 +151,8 @@ def own_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
         x: (n,) samples.
         longest_ns: a longer step is a gap.
     """
-    whole = np.append(True, np.diff(t_ns) <= longest_ns)
+    whole = np.ones(t_ns.size, np.bool_)
+    whole[1:] = np.diff(t_ns) <= longest_ns
     fast, top = fast_band(1e9 / filters.period_ns(t_ns))
     power = block_power(x, block_ends(whole), fast)
     if power is None:
