@@ -13,7 +13,7 @@ HARD = (
     Cell(10.0, 2.0, derived=True, force_steps=True),
     Cell(5.0, 1.0, derived=True),
     Cell(1.0, 20.0, derived=True),
-    Cell(10.0, 20.0, derived=False),
+    Cell(20.0, 20.0, derived=False),
 )
 
 
