@@ -130,7 +130,7 @@ def logged(cell: Cell, seed: int, nuisance: dict[str, float] | None = None) -> p
     t, v, a, force = driven(rng, 60.0 * cell.minutes, nuisance or {})
     at = np.arange(_MARGIN_S, t[-1] - _MARGIN_S, 1.0 / cell.rate_hz)
     wheels = v * (1.0 + has("slip", 0.0) * force)
-    share = 1.0 + has("transfer", 0.0) * a + has("gain_drift", 0.0) * np.linspace(-0.5, 0.5, t.size)
+    share = 1.0 + has("gain_drift", 0.0) * np.linspace(-0.5, 0.5, t.size)
     force_read = np.interp(at - has("lag", 0.0), t, force * share)
     force_read += rng.normal(0.0, FORCE_N, at.size)
     speed_read = np.interp(at - (0.0 if cell.derived else has("speed_delay", 0.0)), t, wheels)
@@ -226,7 +226,10 @@ def weighed(table: pl.DataFrame, machine: Machine) -> Weight:
 
 
 def drawn(rng: np.random.Generator) -> dict[str, float]:
-    """Every nuisance of a car from its prior, at the settings' widths."""
+    """Every nuisance of a car from its prior, at the settings' widths.
+
+    Its force is that of all wheels, which no transfer of load changes.
+    """
     priors = Settings.model_validate({}).priors
     weight_N = MASS_KG * 9.80665
     top_m_s = 25.0
@@ -240,7 +243,6 @@ def drawn(rng: np.random.Generator) -> dict[str, float]:
         "acc_gain": priors.gain,
         "speed_delay": priors.speed_delay_s,
         "slip": priors.wheel_slip / LARGE_N,
-        "transfer": priors.load_transfer_s2_m,
     }
     found = {name: float(rng.normal(0.0, width)) for name, width in widths.items()}
     # wheels that drive turn faster than the ground passes, and air does not push
