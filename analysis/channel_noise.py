@@ -13,10 +13,12 @@ from typing import Final
 
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
+from analysis.column_response import ColumnResponse, responses
 from analysis.forces import longitudinal_force, regressor_acceleration, yaw_torque
 from analysis.machine import Machine
+from analysis.mounting import Series
+from analysis.noise_limits import RESIDUALS, SPREAD, bound
 from analysis.noise_spectra import (
     LAGS,
     Bools,
@@ -26,6 +28,7 @@ from analysis.noise_spectra import (
     block_power,
     covariances,
     covariances_of,
+    fast_band,
     frequencies,
     neighbours_mean,
     pieces,
@@ -36,20 +39,22 @@ from analysis.noise_spectra import (
     spectrum_frequencies,
     stretches,
 )
+from analysis.own_noise import hidden, own_noise
 from analysis.regressor import YAW_COLUMNS
 from analysis.schema import NOISE_COLUMNS, NOISE_SOURCES, build, values
 from analysis.settings import NoiseSettings
 
-Complexes = NDArray[np.complex128]
+#: What is said of a source that is not the usual one.
+_INSTEAD: Final[Mapping[str, str]] = {
+    "samples": "the grid does not show it, so the channels' own samples tell it, through what is "
+    "done to them",
+    RESIDUALS: "its fast changes are motion too, so it is what force and motion leave over at most",
+    SPREAD: "its fast changes are more than it varies by, so it is taken for noise alone",
+}
 
 #: The machine rocks after it has stopped, and its torque rises before it starts.
 _AFTER_STOP_S: Final = 0.6
 _BEFORE_START_S: Final = 0.3
-#: Faster changes than this are noise, not driving; at most this share of the rate.
-_FAST_HZ: Final = 10.0
-_FAST_SHARE: Final = 0.25
-#: The band above that which tells how much there is below it, as a multiple.
-_BAND: Final = 2.5
 #: A ratio of two powers exceeds 1 when it does by so many of its standard errors.
 _MORE: Final = 3.0
 #: A variance below the square of this share of a column's range is rounding.
@@ -87,11 +92,19 @@ class _Samples:
     @property
     def fast(self) -> float:
         """The lowest frequency at which all is noise, over the rate."""
-        return min(_FAST_HZ / self.rate_hz, _FAST_SHARE)
+        return fast_band(self.rate_hz)[0]
+
+    @property
+    def top(self) -> float:
+        """The top of the band above that which tells how much there is below it."""
+        return fast_band(self.rate_hz)[1]
 
 
 def channel_noise(
-    aligned: pl.DataFrame, excitation: pl.DataFrame, machine: Machine
+    aligned: pl.DataFrame,
+    excitation: pl.DataFrame,
+    machine: Machine,
+    read: Mapping[str, Series] | None = None,
 ) -> pl.DataFrame:
     """Estimate the noise of the columns of each axis, on the grid before the moving mean.
 
@@ -99,24 +112,15 @@ def channel_noise(
         aligned: the grid.
         excitation: the phases.
         machine: how the columns are made; settings of the noise override the log.
+        read: by channel, as it was measured: tells what the grid does not show; None: the grid
+            shows all there is to see.
 
     Returns:
         `noise`: a row a pair of columns and lag.
     """
-    body, rate_hz = machine.machine, machine.settings.align.rate_hz
+    rate_hz = machine.settings.align.rate_hz
     gap = aligned["gap"].to_numpy()
-    columns = {
-        "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
-        "speed_x_m_s": values(aligned, "speed_x_m_s"),
-        "force_x_N": longitudinal_force(aligned, body),
-    }
-    torque = yaw_torque(aligned, body)
-    columns |= {} if torque is None else {"torque_z_N_m": torque}
-    columns |= {
-        name: values(aligned, name)
-        for name in YAW_COLUMNS
-        if name in aligned.columns and name not in columns
-    }
+    columns = _columns(aligned, machine)
     phase = excitation["phase"]
     stands = (phase == "standstill").fill_null(False).to_numpy()
     moves = phase.is_not_null().to_numpy() & ~stands
@@ -128,10 +132,83 @@ def channel_noise(
         x = np.column_stack([columns[name] for name in axis])
         known = np.isfinite(x).all(axis=1) & ~gap
         samples = _samples(x, stands & known, moves & known, known, rate_hz)
-        found, sources = _noise(samples, _made(tuple(axis), machine))
+        made = responses(tuple(axis), machine)
+        found, sources = _noise(samples, made)
+        if read is not None:
+            _from_samples(found, sources, tuple(axis), machine, read)
+        bound(found, sources, x, samples.moving, [each.derivative_of for each in made])
         _override(found, sources, axis, machine.settings.noise)
         tables.append(_table(tuple(axis), found, sources))
     return build("noise", pl.concat(tables).to_dict())
+
+
+def notes(noise: pl.DataFrame) -> list[str]:
+    """Say which columns' noise the grid does not show, and what tells it instead.
+
+    Args:
+        noise: as `channel_noise` makes it.
+    """
+    own = noise.filter((pl.col("first") == pl.col("second")) & (pl.col("lag") == 0))
+    said: list[str] = []
+    for source, why in _INSTEAD.items():
+        names = own.filter(pl.col("source") == source)["first"].to_list()
+        if names:
+            said.append(f"noise of {', '.join(names)}: {why}")
+    return said
+
+
+def _from_samples(
+    found: Floats,
+    sources: list[str],
+    names: tuple[str, ...],
+    machine: Machine,
+    read: Mapping[str, Series],
+) -> None:
+    """Put what the channels' own samples tell where the grid does not show it."""
+    beyond = [source == "differences" for source in sources]
+    unseen = np.array(hidden([_channels(name, machine) for name in names], machine, read)) & beyond
+    if not unseen.any():
+        return
+
+    def of_grid(aligned: pl.DataFrame) -> Floats:
+        columns = _columns(aligned, machine)
+        x = np.column_stack([columns[name] for name in names])
+        return np.where(aligned["gap"].to_numpy()[:, None], np.nan, x)
+
+    told = own_noise(read, machine, of_grid)
+    if told is None:
+        return
+    for column in np.flatnonzero(unseen):
+        found[column, :] = np.where(unseen[:, None], told[column, :], 0.0)
+        found[:, column] = np.where(unseen[:, None], told[:, column], 0.0)
+        sources[column] = "samples"
+
+
+def _channels(name: str, machine: Machine) -> tuple[str, ...]:
+    """The channels that a column of the equations is made of."""
+    if name == "regressor_acc_x_m_s2":
+        kinematic = machine.settings.forces.acceleration == "kinematic"
+        return ("acc_x_m_s2",) if kinematic else ("specific_force_x_m_s2",)
+    if name in machine.channels:
+        return (name,)
+    return ("torque_left_N_m", "torque_right_N_m")
+
+
+def _columns(aligned: pl.DataFrame, machine: Machine) -> dict[str, Floats]:
+    """The columns of all axes, (rows,) each."""
+    body = machine.machine
+    columns = {
+        "regressor_acc_x_m_s2": regressor_acceleration(aligned, machine),
+        "speed_x_m_s": values(aligned, "speed_x_m_s"),
+        "force_x_N": longitudinal_force(aligned, body),
+    }
+    torque = yaw_torque(aligned, body)
+    columns |= {} if torque is None else {"torque_z_N_m": torque}
+    return columns | {
+        name: values(aligned, name)
+        for name in YAW_COLUMNS
+        if name in aligned.columns and name not in columns
+    }
 
 
 def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: float) -> _Samples:
@@ -153,75 +230,7 @@ def _samples(x: Floats, stands: Bools, moves: Bools, known: Bools, rate_hz: floa
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Made:
-    """How a column comes from what was measured.
-
-    Attributes:
-        derivatives: how often it was differentiated.
-        derivative_of: the column of the axis that it is the derivative of, -1 for none.
-        filtered: whether the low-pass was applied.
-        cutoff: of the low-pass, over the rate.
-        causal: whether filter and derivative look back only.
-        rate_hz: of the grid.
-    """
-
-    derivatives: int
-    derivative_of: int
-    filtered: bool
-    cutoff: float
-    causal: bool
-    rate_hz: float
-
-    def response(self, at: Floats) -> Floats:
-        """Power at frequencies over the rate, of white noise of variance 1 as measured."""
-        slope = 2.0 * np.sin(np.pi * at) if self.causal else np.sin(2.0 * np.pi * at)
-        power = (slope * self.rate_hz) ** (2 * self.derivatives)
-        if self.filtered:
-            one_pass = 1.0 / (1.0 + (at / self.cutoff) ** 8)
-            power = power * (one_pass if self.causal else one_pass**2)
-        return power
-
-    def slope(self, at: Floats) -> Complexes:
-        """Transfer of one derivative at frequencies over the rate."""
-        if self.causal:
-            return np.asarray(self.rate_hz * (1.0 - np.exp(-2j * np.pi * at)), np.complex128)
-        return self.rate_hz * 1j * np.sin(2.0 * np.pi * at)
-
-
-def _made(axis: tuple[str, ...], machine: Machine) -> list[_Made]:
-    """How each column of an axis is made."""
-    chosen = machine.settings.forces.acceleration
-    channels = machine.channels
-    names = [
-        {"specific_force": "specific_force_x_m_s2", "kinematic": "acc_x_m_s2"}[chosen]
-        if name == "regressor_acc_x_m_s2"
-        else name
-        for name in axis
-    ]
-    filtered = any(channel.derivative_of for channel in channels.values())
-    cutoff = machine.settings.filter.cutoff_hz / machine.settings.align.rate_hz
-    made: list[_Made] = []
-    for name in names:
-        depth, at = 0, name
-        while at in channels and channels[at].sources:
-            depth += channels[at].derivative_of is not None
-            at = channels[at].sources[0]
-        parent = channels[name].derivative_of if name in channels else None
-        made.append(
-            _Made(
-                depth,
-                names.index(parent) if parent in names else -1,
-                filtered and cutoff < 0.45,
-                cutoff,
-                machine.settings.filter.causal,
-                machine.settings.align.rate_hz,
-            )
-        )
-    return made
-
-
-def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
+def _noise(samples: _Samples, made: list[ColumnResponse]) -> tuple[Floats, list[str]]:
     """Covariances (columns, columns, LAGS) and the source of each column's."""
     p = samples.x.shape[1]
     cut = pieces(samples.x, samples.quiet)
@@ -242,7 +251,7 @@ def _noise(samples: _Samples, made: list[_Made]) -> tuple[Floats, list[str]]:
                 power = block_power(samples.x[:, column], samples.every_block, samples.fast)
             if power is not None:
                 # one that mostly keeps its reading has the noise of rounding at least
-                level = _level(power[0], made[column], samples.fast)
+                level = _level(power[0], made[column], samples)
                 spectra[column, column] = np.maximum(level, _rounding(samples, column))
     # what is differentiated, and its derivative, have one noise
     at = spectrum_frequencies()
@@ -288,11 +297,12 @@ def _lives(samples: _Samples, cut: list[Floats], column: int) -> bool:
     return float(np.mean(noisy)) > 0.5 and float(np.mean(many)) > 0.5
 
 
-def _level(power: Floats, made: _Made, fast: float) -> Floats:
+def _level(power: Floats, made: ColumnResponse, samples: _Samples) -> Floats:
     """Spectrum of a column from its fast changes (frequencies,), at `spectrum_frequencies`."""
     at, wanted = frequencies(), spectrum_frequencies()
     response = made.response(at)
-    band = (at >= fast) & (at <= min(_BAND * fast, 0.5)) & (response > 0.0)
+    fast = samples.fast
+    band = (at >= fast) & (at <= samples.top) & (response > 0.0)
     level = float(np.mean(power[band] / response[band]))
     seen = np.interp(wanted, at[1:], neighbours_mean(power, 1)[1:])
     return np.where(wanted < fast, level * made.response(wanted), seen)
@@ -309,7 +319,7 @@ def _growth(samples: _Samples, column: int, moving: tuple[Floats, int] | None) -
     ratio = np.where(told, moving[0] / np.where(told, still, 1.0), np.nan)
     # half-overlapping blocks are worth three quarters; so are neighbouring frequencies two thirds
     error = np.sqrt((1.0 / moving[1] + 1.0 / resting[1]) / 0.75)
-    band = told & (at <= _BAND * samples.fast)
+    band = told & (at <= samples.top)
     below = float(np.median(ratio[band])) if band.any() else 1.0
     below = below if below > 1.0 + _MORE * error * np.sqrt(1.5 / max(band.sum(), 1)) else 1.0
     near = np.where(told, neighbours_mean(ratio, 2), 1.0)

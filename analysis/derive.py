@@ -15,9 +15,7 @@ from estimators.errors import DataError
 
 _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
 #: Angles and places are not in the regressor, so they are not filtered with it.
-_UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
-#: A cut-off above this share of a topic's rate leaves too few samples to filter.
-_HIGHEST_CUTOFF = 0.45
+UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
 
 
 def derive(
@@ -100,8 +98,8 @@ def _low_passed(
     A causal one delays, so where one channel's rate does not allow it, none is filtered.
     """
     cutoff_hz, causal = settings.filter.cutoff_hz, settings.filter.causal
-    rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in _UNFILTERED}
-    slow = {name: hz for name, hz in rates_hz.items() if cutoff_hz > _HIGHEST_CUTOFF * hz}
+    rates_hz = {n: 1e9 / filters.period_ns(t) for n, (t, _) in read.items() if n not in UNFILTERED}
+    slow = {name: hz for name, hz in rates_hz.items() if cutoff_hz > filters.HIGHEST_CUTOFF * hz}
     notes += [
         f"{name}: low-pass of {cutoff_hz:g} Hz not applied, its topic has only {hz:.4g} Hz"
         for name, hz in slow.items()

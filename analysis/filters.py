@@ -13,7 +13,9 @@ Ints = NDArray[np.int64]
 
 #: Rates that differ by less are one rate.
 OTHER_RATE: Final = 1.5
-_ORDER = 4
+#: A cut-off above this share of a topic's rate leaves too few samples to filter.
+HIGHEST_CUTOFF: Final = 0.45
+_ORDER: Final = 4
 #: Stamps that stray less than this share of a period count as uniform.
 _UNIFORM = 0.01
 
@@ -77,6 +79,15 @@ def low_pass(
     if not times:
         return t_ns[:0], x[:0]
     return np.concatenate(times), np.concatenate(outputs)
+
+
+def power_left(at: Floats, *, causal: bool) -> Floats:
+    """Share of the power that the low-pass leaves at frequencies over its cut-off.
+
+    As far as they are well below half the rate.
+    """
+    one_pass = 1.0 / (1.0 + at ** (2 * _ORDER))
+    return one_pass if causal else one_pass**2
 
 
 def derivative(t_ns: Ints, x: Floats, longest_ns: float, *, causal: bool) -> tuple[Ints, Floats]:

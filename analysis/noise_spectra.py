@@ -45,8 +45,19 @@ _MANY: Final = 0.3
 _WHOLE: Final = 1e-3
 #: Samples over which the slope of a quantised column is taken.
 _SPAN: Final = 10
+#: Faster changes than this are noise, not driving; at most this share of the rate.
+_FAST_HZ: Final = 10.0
+_FAST_SHARE: Final = 0.25
+#: The band above that which tells how much there is below it, as a multiple.
+_BAND: Final = 2.5
 #: Lags that count as correlated where the power at zero frequency is asked for.
 _CORRELATED: Final = 24
+
+
+def fast_band(rate_hz: float) -> tuple[float, float]:
+    """Lowest frequency at which all is noise, and the top of the band above it, over the rate."""
+    fast = min(_FAST_HZ / rate_hz, _FAST_SHARE)
+    return fast, min(_BAND * fast, 0.5)
 
 
 def stretches(of: Bools) -> list[tuple[int, int]]:

@@ -13,6 +13,8 @@ from analysis.resample import Floats, Ints, average, interpolate
 from analysis.settings import AlignSettings
 
 _TORQUES: Final = ("torque_left_N_m", "torque_right_N_m")
+#: Steps of so many ns are short beside all that a machine does.
+_FINE_NS: Final = 1e7
 _WHOLE_TURN: Final = {"longitude_deg": 360.0, "roll_rad": 2 * np.pi}
 
 
@@ -67,11 +69,23 @@ def series_of(name: str, frame: pl.DataFrame, settings: AlignSettings) -> Channe
     known_ns = frame["known_ns"].to_numpy() if "known_ns" in frame.columns else t_ns
     step_ns = 1e9 / settings.rate_hz
     longest_ns = filters.longest_step_ns(t_ns, settings)
-    steps = np.diff(t_ns)
-    steps = steps[steps <= longest_ns]
-    period_ns = float(steps.mean()) if steps.size else step_ns
+    period_ns = _mean_step_ns(t_ns, longest_ns, step_ns)
     faster = period_ns * filters.OTHER_RATE < step_ns
     return ChannelSeries(t_ns, x, known_ns, longest_ns, period_ns, round(step_ns) if faster else 0)
+
+
+def mean_period_ns(t_ns: Ints, step_ns: float) -> float:
+    """The mean step of a channel that is no gap on a grid of `step_ns`."""
+    gap_periods: float = AlignSettings.model_fields["gap_periods"].default
+    longest_ns = gap_periods * float(np.fmax(filters.period_ns(t_ns), step_ns))
+    return _mean_step_ns(t_ns, longest_ns, step_ns)
+
+
+def _mean_step_ns(t_ns: Ints, longest_ns: float, step_ns: float) -> float:
+    """The mean of the steps up to the longest; the grid's where there are none."""
+    steps = np.diff(t_ns)
+    steps = steps[steps <= longest_ns]
+    return float(steps.mean()) if steps.size else step_ns
 
 
 def wrapped(name: str, x: Floats) -> Floats:
@@ -94,6 +108,14 @@ def regressors(machine: Machine) -> list[frozenset[str]]:
     if not spin <= channels:
         return [straight]
     return [straight | spin] if straight & spin else [straight, spin]
+
+
+def sources(name: str, machine: Machine) -> frozenset[str]:
+    """The measured channels that a channel is made of; itself where it is measured."""
+    channel = machine.channels.get(name)
+    if channel is None or not channel.sources:
+        return frozenset({name})
+    return frozenset[str]().union(*(sources(each, machine) for each in channel.sources))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,23 +147,27 @@ class Reduced:
 
 
 def reduced(series: Mapping[str, ChannelSeries], machine: Machine) -> list[Reduced]:
-    """The regressors of which one channel is slower than the grid and than another channel.
+    """The regressors of which one channel is slower than another one, or a slow derivative.
 
-    The line between its samples is a low-pass that the others do not have.
+    The line between its samples is a low-pass that the others do not have. On a grid coarser than
+    all of them there is none.
     """
     step_ns = 1e9 / machine.settings.align.rate_hz
     found: list[Reduced] = []
     for names in regressors(machine):
         # the sign of the speed comes with the speed
         own = sorted((names & set(series)) - {"direction_x_1"})
-        periods = {name: max(series[name].period_ns, step_ns) for name in own}
+        least_ns = step_ns
+        if max(series[name].period_ns for name in own) * filters.OTHER_RATE >= step_ns:
+            least_ns = min(step_ns, _FINE_NS)
+        periods = {name: max(series[name].period_ns, least_ns) for name in own}
         slowest = max(periods, key=lambda name: periods[name])
         derived = frozenset(
             name
             for name in own
             if (channel := machine.channels.get(name))
             and channel.derivative_of
-            and periods[name] > filters.OTHER_RATE * step_ns
+            and periods[name] > filters.OTHER_RATE * least_ns
         )
         if derived or periods[slowest] > filters.OTHER_RATE * min(periods.values()):
             # without a derived one, as long as no sample of a faster channel is left out

@@ -32,7 +32,12 @@ REASONS: Final = (
     "digging",
 )
 AXES: Final = ("x", "z")
-NOISE_SOURCES: Final = ("standstill", "differences", "setting")
+#: What noise is estimated from: standstill; fast changes of the grid, of the channels' own samples;
+#: what the equation leaves over, or the spread of the column, where those say more; a setting.
+NOISE_SOURCES: Final = (
+    *("standstill", "differences", "samples", "residuals", "spread"),
+    "setting",
+)
 #: The columns of each axis that have noise, the force last, and the settings that override it.
 NOISE_COLUMNS: Final[Mapping[str, Mapping[str, str]]] = {
     "x": {

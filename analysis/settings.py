@@ -37,7 +37,13 @@ class AlignSettings(BaseModel):
 
     model_config = _PART
 
-    rate_hz: float = Field(100.0, gt=0, le=10_000, description="rate of the common grid")
+    rate_hz: float = Field(
+        100.0,
+        gt=0,
+        le=10_000,
+        description="rate of the common grid; not given: that of the regressor's slowest channel, "
+        "at most this",
+    )
     gap_periods: float = Field(3.0, gt=1, description="periods without a sample that make a gap")
     latency_s: float | None = Field(
         None,
@@ -53,7 +59,9 @@ class SmoothSettings(BaseModel):
 
     model_config = _PART
 
-    samples: int = Field(10, ge=1, description="samples of the trailing moving mean")
+    samples: int = Field(
+        10, ge=1, description="samples of the trailing moving mean; not given: 0.1 s of them"
+    )
 
 
 class ForcesSettings(BaseModel):
@@ -87,7 +95,12 @@ class GateSettings(BaseModel):
 
     model_config = _PART
 
-    window_samples: int = Field(320, ge=4, description="samples in a window (3.2 s)")
+    window_samples: int = Field(
+        320,
+        ge=4,
+        description="samples in a window; not given: 3.2 s of them, at least 20 readings of the "
+        "regressor's slowest channel",
+    )
     index: Literal["information", "ksg", "variance"] = Field(
         "information",
         description="what accepts a window: the index (11), the mutual information by nearest "
@@ -517,7 +530,8 @@ class Settings(BaseModel):
         Raises:
             ValidationError: no such setting, or a value that it does not take.
         """
-        content = self.model_dump()
+        # what was not set stays so: a log's own rate fills it in
+        content = self.model_dump(exclude_unset=True)
         for name, value in changes.items():
             part, _, key = name.partition(".")
             content.setdefault(part, {})[key] = value

@@ -9,6 +9,7 @@ import polars as pl
 from analysis.align import align
 from analysis.align import notes as grid_notes
 from analysis.channel_noise import channel_noise
+from analysis.channel_noise import notes as noise_notes
 from analysis.check import Verdict
 from analysis.cycles.cycles import cycles
 from analysis.cycles.shift import shift
@@ -20,7 +21,9 @@ from analysis.forces import forces
 from analysis.gate import gate
 from analysis.machine import Machine
 from analysis.masses import masses, withhold
+from analysis.mounting import Series
 from analysis.obstacles import obstacles
+from analysis.own_rate import at_own_rate
 from analysis.run import Loss, Run
 from analysis.segments import segments
 from analysis.smooth import smooth
@@ -40,6 +43,28 @@ STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
     *("noise", "gate", "segments", "weigh", "trace", "verdict", "findings", "planar", "cycles"),
 )
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """The channels that come from a topic, in SI units and in time.
+
+    Attributes:
+        read: by channel, at its own rate.
+        stamps: which stamp each topic is placed by.
+        doubts: what is not provably there.
+    """
+
+    read: dict[str, Series]
+    stamps: dict[str, str]
+    doubts: list[Loss]
+
+    @classmethod
+    def of(cls, raw: Mapping[str, pl.DataFrame], machine: Machine) -> "_Placed":
+        """Place every sample by its stamp, and take what the channels name."""
+        placed, stamps, doubts = place(raw)
+        read, missing = measured(placed, machine)
+        return cls(read, stamps, [*doubts, *missing])
 
 
 @dataclass(frozen=True)
@@ -85,7 +110,9 @@ def run(
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
-    seen = _judged(raw, machine, on_stage)
+    placed = _Placed.of(raw, machine)
+    machine, chosen = at_own_rate(placed.read, machine)  # what no setting gives
+    seen = _judged(raw, placed, machine, on_stage)
     weighing, opinion, excitation = seen.weighing, seen.opinion, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _causes(seen, raw, machine)
@@ -100,6 +127,7 @@ def run(
     }
     hauled = cycles(weighing, {**seen.frames, **answer}, machine, opinion)
 
+    why = obstacles(excitation, seen.frames["gate"], machine.settings)
     return Run(
         frames={
             **named_by_topic(raw),
@@ -123,30 +151,32 @@ def run(
             seen.stamps,
             # a recording that is replayed has its own again
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
-            notes=[*seen.notes, *obstacles(excitation, seen.frames["gate"], machine.settings)],
+            notes=[*chosen, *seen.notes, *why],
         ),
     ).fingerprinted()
 
 
 def _judged(
-    raw: Mapping[str, pl.DataFrame], machine: Machine, on_stage: Callable[[str], None]
+    raw: Mapping[str, pl.DataFrame],
+    placed: _Placed,
+    machine: Machine,
+    on_stage: Callable[[str], None],
 ) -> _Judged:
-    settings = machine.settings
-    on_stage("derive")  # SI units; one filter on all of them where one is differentiated
-    placed, stamps, doubts = place(raw)
-    read, missing = measured(placed, machine)
+    settings, read = machine.settings, placed.read
+    on_stage("derive")  # one filter on all of them where one is differentiated
     channels, notes = derive(read, machine)
     on_stage("align")  # one grid, on the line between two samples, never over a gap
     aligned, t0_unix_ns = align(channels, machine)
     notes += grid_notes(channels, machine)
-    del placed, channels  # of a shift they are half a gigabyte
+    del channels  # of a shift they are half a gigabyte
     on_stage("smooth")  # the trailing moving mean, alike on every column
     smoothed = smooth(aligned, settings.smooth)
     on_stage("forces")  # (17), (18), gravity as specific force; the phase of motion
     excitation = forces(smoothed, machine)
     del smoothed
     on_stage("noise")  # of every column, from standstill and fast changes
-    noise = channel_noise(aligned, excitation, machine)
+    noise = channel_noise(aligned, excitation, machine, read)
+    notes += noise_notes(noise)
     on_stage("gate")  # the index (11) over each window, and a reason for each
     gated = gate(excitation, settings, noise)
     digs = digging(excitation, machine)  # what pushes back is no mass
@@ -185,8 +215,8 @@ def _judged(
         Case(evidence, aligned, noise, raw, digs, judged, estimates),
         withhold(everything, opinion, contradicted),
         opinion,
-        stamps,
-        [*doubts, *missing],
+        placed.stamps,
+        placed.doubts,
         notes,
     )
 
@@ -197,7 +227,8 @@ def _causes(seen: _Judged, raw: Mapping[str, pl.DataFrame], machine: Machine) ->
 
     def look(changed: Machine) -> pl.DataFrame | None:
         try:
-            return findings(_judged(part, changed, lambda _: None).case)
+            placed = _Placed.of(part, changed)
+            return findings(_judged(part, placed, changed, lambda _: None).case)
         except DataError:  # the first hour of a log may hold less than the whole
             return None
 

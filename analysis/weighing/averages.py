@@ -15,6 +15,7 @@ from analysis.weighing.equation import (
     begins,
     ends,
     ground_speed,
+    rows_in,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
 from analysis.weighing.route import Route
@@ -26,8 +27,8 @@ from estimators.threads import mapped
 
 #: So many rows a length of the mean hold nearly all that its means hold.
 _ROWS_A_MEAN: Final = 2
-#: Stretches of fewer samples, before thinning, tell nothing of their own.
-_SHORTEST: Final = 50
+#: Stretches that last less tell nothing of their own.
+_SHORTEST_S: Final = 0.5
 #: A derivative of the force is noise below so many of its deviations.
 _RATE_COUNTS: Final = 4.0
 #: No transfer of load takes more of the force away.
@@ -36,8 +37,8 @@ _LEAST_GAIN: Final = 0.5
 _LARGEST_LOAD: Final = 0.9
 #: Between these quantiles of the manoeuvres' masses is the middle of empty and loaded ones.
 _EMPTY_AND_LOADED: Final = (0.1, 0.9)
-#: Samples of the parabola that gives the derivative.
-_RATE_SAMPLES: Final = 9
+#: To either side of a sample, in s, the parabola reaches that gives the derivative.
+_RATE_HALF_S: Final = 0.04
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +178,7 @@ class FitColumns:
     def averaged(self, noise: NoiseOfColumns, samples: int) -> Averages:
         """Average them over so many samples."""
         pieces = mapped(lambda piece: _averaged(piece, samples), self.pieces)
-        return _joined(pieces, noise, self.terms, samples, self.found.uneven_1_s / self.rate_hz)
+        return _joined(pieces, noise, self.terms, samples, self.found.uneven_1_s, self.rate_hz)
 
 
 def averages(
@@ -200,7 +201,7 @@ def averages(
     pieces = mapped(
         lambda piece: _averaged(_columns(piece, noise, terms, found), samples), list(motion.pieces)
     )
-    return _joined(pieces, noise, terms, samples, found.uneven_1_s / motion.rate_hz)
+    return _joined(pieces, noise, terms, samples, found.uneven_1_s, motion.rate_hz)
 
 
 def _joined(
@@ -208,7 +209,8 @@ def _joined(
     noise: NoiseOfColumns,
     terms: tuple[Nuisance, ...],
     samples: int,
-    uneven: float,
+    uneven_1_s: float,
+    rate_hz: float,
 ) -> Averages:
     """Weigh the rows of all pieces.
 
@@ -217,7 +219,8 @@ def _joined(
         noise: of acceleration, speed and force.
         terms: the nuisances.
         samples: longest mean.
-        uneven: how much stretches' constants differ, in variances of the noise of a sample.
+        uneven_1_s: how much stretches' constants differ (`EarlierRounds`).
+        rate_hz: of the grid.
     """
     A = np.concatenate([piece.A for piece in pieces])
     f = np.concatenate([piece.f for piece in pieces])
@@ -234,15 +237,15 @@ def _joined(
     A *= weight[:, None]
     f *= weight
     group = np.concatenate([piece.group for piece in pieces])
-    if uneven:
-        _whiten_constants(A, f, group, uneven * stride_of(samples))
+    if uneven_1_s:
+        _whiten_constants(A, f, group, uneven_1_s / rate_hz * stride_of(samples))
     return Averages(
         A,
         f,
         group,
         np.concatenate([piece.raw.direction for piece in pieces]),
         NoiseMoments(*(np.concatenate(each) for each in zip(*added, strict=True))),
-        max(_SHORTEST // stride_of(samples), 6),
+        max(rows_in(_SHORTEST_S, rate_hz) // stride_of(samples), 6),
         terms,
     )
 
@@ -377,7 +380,7 @@ def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floa
 
 def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
     """The derivative of the force in N/s, 0 where it is no more than noise."""
-    half = _RATE_SAMPLES // 2
+    half = rows_in(_RATE_HALF_S, rate_hz)
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )

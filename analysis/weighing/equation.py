@@ -38,8 +38,8 @@ _MIXED_S: Final = 0.05
 #: Samples likewise, at least, where a zero-phase low-pass reached across it, and elsewhere.
 _MIXED_FILTERED: Final = 3
 _MIXED: Final = 1
-#: Samples beside a gap that are not fitted.
-_CLEAR: Final = 10
+#: So long beside a gap nothing is fitted.
+_CLEAR_S: Final = 0.1
 #: Wheels of which less rolls say nothing of the ground's speed.
 _LEAST_GROUND: Final = 0.5
 #: Moving both ways needs this share of the samples each way.
@@ -264,7 +264,8 @@ def equation(
         settled,
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
-    near_gap = windows_with(~known, _CLEAR) | windows_with(~known[::-1], _CLEAR)[::-1]
+    clear = rows_in(_CLEAR_S, settings.align.rate_hz)
+    near_gap = windows_with(~known, clear) | windows_with(~known[::-1], clear)[::-1]
     group = _runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     measured = _column(aligned, "specific_force_x_m_s2", known)
     pitch = _column(aligned, "pitch_rad", known)
@@ -291,6 +292,11 @@ def equation(
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
     )
+
+
+def rows_in(seconds: float, rate_hz: float, least: int = 1) -> int:
+    """How many rows of the grid stand for so long."""
+    return max(round(seconds * rate_hz), least)
 
 
 @compiled

@@ -15,7 +15,14 @@ from analysis.weighing.averages import (
     stride_of,
 )
 from analysis.weighing.effects import LikelyEffects
-from analysis.weighing.equation import Equation, Floats, Ints, KeptNoise, NoiseOfColumns
+from analysis.weighing.equation import (
+    Equation,
+    Floats,
+    Ints,
+    KeptNoise,
+    NoiseOfColumns,
+    rows_in,
+)
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.ground import FEWEST, GROUND
 from analysis.weighing.joint_result import JointFit, MotionResponses
@@ -28,8 +35,9 @@ from analysis.weighing.squat import find_squat
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators.autocorrelation import pooled_autocorrelation
 
-#: Lengths of the mean that are tried: the one with the smallest deviation of the mass is taken.
-MEANS: Final = (5, 10, 20, 40, 80, 160)
+#: Lengths of the mean that are tried, in s: the one with the smallest deviation of the mass is
+#: taken.
+MEANS_S: Final = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 #: Rounds of finding the lag, moving the force back by it, and fitting again.
 _ROUNDS: Final = 4
 #: Of the fits that choose the mean: a lag that is not made up for would choose.
@@ -94,7 +102,8 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
     part = whole.beginning(_TRIED)
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
-    lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
+    means = sorted({rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S})
+    lengths = [samples for samples in means if samples <= max(longest, means[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.begun)
     first = [
         part.fitted(samples, _PILOT_ROUNDS, rows=columns.averaged(of.noise, samples))

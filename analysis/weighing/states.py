@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.equation import Equation, Floats, Ints, begins, ends
+from analysis.weighing.equation import Equation, Floats, Ints, begins, ends, rows_in
 from estimators.changepoints import Partitions, partitions
 from estimators.levels import Levels
 from estimators.partition_posterior import Partition
@@ -32,8 +32,9 @@ _ROUNDS: Final = 60
 _ALTERNATES: Final = 2
 #: A boom or a bucket that moves by so much between two manoeuvres may have loaded or dumped.
 _ARM_MOVES_RAD: Final = 0.15
-#: Samples of a manoeuvre that tells a mass.
-_TELLS: Final = 50
+#: So long lasts a manoeuvre that tells a mass, and so many samples it has at least.
+_TELLS_S: Final = 0.5
+_TELLS_SAMPLES: Final = 10
 #: Manoeuvres disagree when the ratio of variances exceeds 1 by so many of its deviations: more than
 #: of a fit's groups, since the deviations of manoeuvres are themselves found from few samples.
 _DISAGREE: Final = 5.0
@@ -163,7 +164,7 @@ def stretch_units(motion: Equation) -> Ints:
     unit = motion.unit[begins(motion.group)]
     number, of = np.unique(unit, return_inverse=True)
     samples = np.bincount(of, weights=np.bincount(motion.group[motion.used]))
-    tells = samples >= min(_TELLS, samples.max())
+    tells = samples >= min(rows_in(_TELLS_S, motion.rate_hz, _TELLS_SAMPLES), samples.max())
     place = np.arange(number.size)
     before = np.maximum.accumulate(np.where(tells, place, -1))
     after = np.minimum.accumulate(np.where(tells, place, number.size)[::-1])[::-1]

@@ -9,10 +9,11 @@ import polars as pl
 
 from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
+from analysis.own_rate import FEWEST_READINGS
 from analysis.regressor import X
 from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import Averages
-from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
+from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation, rows_in
 from analysis.weighing.growth import Filling, Growth, filling, growing
 from analysis.weighing.joint_fit import (
     Fitted,
@@ -41,8 +42,8 @@ _COUNTS: Final = 0.01
 _LONG: Final = 20
 #: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
 _TOLD_ROUNDS: Final = 2
-#: Fewer samples are not fitted.
-_FEWEST: Final = 100
+#: Less is not fitted, in s and in samples: as many as a window has at least.
+_SHORTEST_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +183,8 @@ def _weighed(
         return with_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
     whole = motion(braking=True)
-    if whole.used.sum() < _FEWEST:
+    fewest = rows_in(_SHORTEST_S, rate_hz, FEWEST_READINGS)
+    if whole.used.sum() < fewest:
         return None
     fit = of_states(whole)
     grown = growing(fit, columns)
@@ -195,7 +197,7 @@ def _weighed(
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _without(motion(braking=False), grown)
-        if driving.used.sum() >= _FEWEST:
+        if driving.used.sum() >= fewest:
             fitted = Fitted.of(driving, columns, priors)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking

@@ -169,9 +169,9 @@ class TestLinearAxis:
         longest_s = {"own": "0.92"}.get(data.name, "1.15")
         assert result["verdict"]["can_weigh"] is False
         assert all(mass is None for mass in result["mass_kg"].values())
-        assert result["notes"] == [
+        assert result["notes"][-1] == (
             f"the longest stretch without braking is {longest_s} s, the window 3.20 s"
-        ]
+        )
 
     def test_a_force_without_sign_is_refused(
         self, replay: Replay, data: Path, tmp_path: Path
@@ -234,7 +234,8 @@ class TestHusky:
             pytest.param(
                 (
                     "settings.phases.standstill_speed_m_s=0.3",
-                    "settings.gate.window_samples=100",
+                    # 1 s of a log whose regressor comes at 10 Hz
+                    "settings.gate.window_samples=10",
                     "settings.gate.threshold_nat=0",
                     "settings.gate.noise_share_max=1000",
                 ),
