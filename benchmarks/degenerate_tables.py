@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 os.environ.setdefault("POLARS_MAX_THREADS", "1")
 
@@ -35,7 +35,6 @@ from replay.commands.cli import main as payscope
 
 #: What Python does not print by itself.
 _SILENT: Final = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
-_METHODS_MASS: Final = "mass_kg"
 _CAMPAIGN: Final = """
 [campaign]
 title = "drawn"
@@ -182,7 +181,7 @@ def disagreements(status: int, said: dict[str, Any], text: str, recording: Path)
     can_weigh = said["verdict"]["can_weigh"]
     kept = answer(read_recording(recording))
     has_mass = any(load["mass_kg"] is not None for load in said["loads"])
-    by_method = any(value is not None for value in said.get(_METHODS_MASS, {}).values())
+    by_method = any(value is not None for value in said.get("mass_kg", {}).values())
     others = {
         "exit status 0": status == 0,
         "a load with a mass": has_mass,
@@ -316,7 +315,7 @@ def main(
     tables: int = 10_000,
     first: int = 0,
     every: bool = False,
-    results: Path = typer.Option(Path("degenerate_tables.jsonl"), "--json"),
+    results: Annotated[Path, typer.Option("--json")] = Path("degenerate_tables.jsonl"),
 ) -> None:
     done: set[int] = set()
     if results.exists():

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from analysis.machine import Machine
-from analysis.uncertainty import SCALES, UncertaintySource, largest_first
+from analysis.uncertainty import SCALES, UncertaintySource, combined, largest_first
 from analysis.weighing.equation import Floats
 from analysis.weighing.ground import SOURCE
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
@@ -145,6 +145,19 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
             )
         )
     return largest_first(sources)
+
+
+def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
+    """Standard uncertainty of a load's mass over it, but for the scale, which no log tells.
+
+    By this a load has a mass or none: NaN where the fit has no number, infinite where its mass is
+    not above 0.
+    """
+    sources = budget(weighing, machine, weighing.fit.weights(state))
+    mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
+    if not np.isfinite([mass_kg, combined(sources)]).all():
+        return float("nan")
+    return combined(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
 
 
 def _relative_loads(fit: JointFit, machine: Machine) -> Floats:

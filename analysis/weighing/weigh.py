@@ -41,8 +41,10 @@ _COUNTS: Final = 0.01
 _LONG: Final = 20
 #: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
 _TOLD_ROUNDS: Final = 2
-#: Fewer samples are not fitted.
+#: Fewer samples are not fitted,
 _FEWEST: Final = 100
+#: and that is why there is no answer.
+NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 
 @dataclass(frozen=True, slots=True)
