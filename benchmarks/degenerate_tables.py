@@ -12,6 +12,7 @@ whose headline, `can_weigh`, exit status and recording do not agree.
 
 import json
 import os
+import resource
 import shutil
 import sys
 import tempfile
@@ -35,6 +36,8 @@ from replay.commands.cli import main as payscope
 
 #: What Python does not print by itself.
 _SILENT: Final = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
+#: Address space of the process; a table has a few thousand rows.
+_MOST_BYTES: Final = 8 << 30
 _CAMPAIGN: Final = """
 [campaign]
 title = "drawn"
@@ -317,6 +320,8 @@ def main(
     every: bool = False,
     results: Annotated[Path, typer.Option("--json")] = Path("degenerate_tables.jsonl"),
 ) -> None:
+    # a table that takes all memory is a fault like others, not the end of the campaign
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
     done: set[int] = set()
     if results.exists():
         lines = results.read_text(encoding="utf-8").splitlines()
