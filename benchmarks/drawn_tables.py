@@ -180,8 +180,9 @@ def _one_of(x: Floats, rng: Rng, value: float) -> Floats:
     return out
 
 
-def _bounded(x: Floats) -> Floats:
-    return np.clip(x, -1e307, 1e307)
+def _huge(x: Floats, rng: Rng) -> Floats:
+    times = float(rng.choice(_LARGE))
+    return np.clip(x, -1e307 / times, 1e307 / times) * times
 
 
 #: Ways to spoil a column.
@@ -189,7 +190,7 @@ _SPOILS: Final[dict[str, Callable[[Floats, Rng], Floats]]] = {
     "zero": lambda x, _: np.zeros(x.size),
     "negative zero": lambda x, _: np.full(x.size, -0.0),
     "constant": lambda x, rng: np.full(x.size, rng.choice([-1.0, 1.0, *_LARGE, *_SMALL])),
-    "huge": lambda x, rng: _bounded(x * rng.choice(_LARGE)),
+    "huge": _huge,
     "tiny": lambda x, rng: x * rng.choice(_SMALL),
     "in steps": lambda x, rng: np.round(x / (step := rng.choice([0.01, 1.0, 100.0]))) * step,
     "held": _held,

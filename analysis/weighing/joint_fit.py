@@ -93,6 +93,7 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     )
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
     part = whole.beginning(_TRIED)
+    part = part if part.motion.drives else whole
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     lengths = [samples for samples in MEANS if samples <= max(longest, MEANS[0])]
     columns = FitColumns.of(part.motion, of.noise, terms, part.begun)

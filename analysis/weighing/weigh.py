@@ -184,7 +184,7 @@ def _weighed(
         return with_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
     whole = motion(braking=True)
-    if whole.used.sum() < _FEWEST:
+    if not _tells(whole):
         return None
     fit = of_states(whole)
     grown = growing(fit, columns)
@@ -197,7 +197,7 @@ def _weighed(
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _without(motion(braking=False), grown)
-        if driving.used.sum() >= _FEWEST:
+        if _tells(driving):
             fitted = Fitted.of(driving, columns, priors)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
@@ -235,6 +235,11 @@ def _weighed(
         else again(fit, columns, informed_priors(priors), rounds=_TOLD_ROUNDS),
         {**priors.learnt},
     )
+
+
+def _tells(motion: Equation) -> bool:
+    """Whether there is enough to fit."""
+    return int(motion.used.sum()) >= _FEWEST and motion.drives
 
 
 def _without(motion: Equation, grown: tuple[Growth, ...]) -> Equation:
