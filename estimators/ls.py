@@ -199,9 +199,7 @@ def predicted(
         partial,
         share,
     )
-    with np.errstate(over="ignore"):  # of a window that holds next to nothing it is infinite
-        deviation = np.sqrt(variance * unit[0])
-    return deviation, condition_numbers(products, p + 1, p), partial, share
+    return np.sqrt(variance * unit[0]), condition_numbers(products, p + 1, p), partial, share
 
 
 @compiled

@@ -201,6 +201,8 @@ def _compared(
     wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     for number in range(_PASSES):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
+        if not np.isfinite([late_s, slips_1_N]).all():
+            break
         if earlier is not None and abs(late_s) < _SETTLED_S:
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is

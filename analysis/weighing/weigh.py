@@ -170,7 +170,7 @@ def _weighed(
     """The same with these priors."""
     settings = machine.settings
     known = ColumnNoise.of(X, noise, settings.noise)
-    if known is None:
+    if known is None or excitation.height < _FEWEST:
         return None
     rate_hz = settings.align.rate_hz
     columns = _OfDerivative(known, rate_hz) if machine.differentiates_speed else known
