@@ -15,6 +15,7 @@ import json
 import os
 import resource
 import shutil
+import signal
 import sys
 import tempfile
 import traceback
@@ -35,6 +36,8 @@ from benchmarks.drawn_tables import DrawnTable, draw
 from recordings import read_recording
 from replay.commands.cli import main as payscope
 
+#: Exit statuses of a command that was told to end: so is the campaign.
+_INTERRUPTED: Final = (128 + signal.SIGINT, 128 + signal.SIGTERM)
 #: What Python does not print by itself.
 _SILENT: Final = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
 #: Address space of the process; a table has a few thousand rows.
@@ -123,6 +126,8 @@ class Driven:
                 place = f"{each.filename}:{each.lineno}"
                 self.faults.append(f"{said}: {each.category.__name__}: {each.message} ({place})")
         text, message = out.read_text(encoding="utf-8"), err.read_text(encoding="utf-8")
+        if status in _INTERRUPTED:
+            raise KeyboardInterrupt
         if status is not None and status not in (0, 1, 2, *more):
             self.faults.append(f"{said}: exit status {status}")
         if status == 2 and (text or message.count("\n") != 1):
