@@ -29,6 +29,7 @@ from typing import Annotated, Any, Final
 
 os.environ.setdefault("POLARS_MAX_THREADS", "1")
 
+import polars as pl
 import typer
 
 from analysis.answer import answer
@@ -42,6 +43,9 @@ _INTERRUPTED: Final = (128 + signal.SIGINT, 128 + signal.SIGTERM)
 _SILENT: Final = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
 #: Address space of the process; a table has a few thousand rows.
 _MOST_BYTES: Final = 8 << 30
+#: Runs of a campaign, each with one mass and so much more of the force than the one before.
+_RUNS: Final = 4
+_GROWS: Final = 0.2
 _CAMPAIGN: Final = """
 [campaign]
 title = "drawn"
@@ -52,12 +56,15 @@ signer = "T. Signer"
 [machine]
 file = "{machine}"
 id = "drawn-1"
-
+empty_mass_kg = 100.0
+empty_mass_u_kg = 0.5
+"""
+_MASS: Final = """
 [[masses]]
-id = "block-1"
+id = "block-{number}"
 value_kg = 20.0
 u_kg = 0.02
-certificate = "K-1"
+certificate = "K-{number}"
 expires = 2030-01-31
 """
 _RUN: Final = """
@@ -76,6 +83,9 @@ name = "drawn"
 logs = "*"
 file = "{machine}"
 """
+
+
+Job = Callable[[DrawnTable, Path, "Driven"], None]
 
 
 @dataclass
@@ -258,11 +268,18 @@ def reviewed(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
 
 
 def calibrated(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
-    """`calibrate` with the table as every run, `init --campaign`, and `verify`."""
+    """`calibrate` with the table as every run, its force grown; `init --campaign`, `verify`."""
+    logs = payscope.folder / "logs"
+    logs.mkdir()
+    table = pl.read_csv(drawn.log) if drawn.log.suffix == ".csv" else pl.read_parquet(drawn.log)
     text = _CAMPAIGN.format(machine=drawn.machine)
-    for number in range(4):
-        loads = '["block-1"]' if number % 2 else "[]"
-        text += _RUN.format(number=number, log=drawn.log, loads=loads, day=number + 1)
+    text += "".join(_MASS.format(number=number) for number in range(1, _RUNS))
+    for number in range(_RUNS):
+        log = logs / f"run-{number}.parquet"
+        force = pl.selectors.matches("force|torque") * (1.0 + _GROWS * number)
+        table.with_columns(force).write_parquet(log)
+        loads = json.dumps([f"block-{each}" for each in range(1, number + 1)])
+        text += _RUN.format(number=number, log=log, loads=loads, day=number + 1)
     campaign = payscope.folder / "campaign.toml"
     campaign.write_text(text, encoding="utf-8")
     evidence = payscope.folder / "evidence"
@@ -270,15 +287,12 @@ def calibrated(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
     if evidence.exists():
         payscope("verify", evidence, more=(3, 4, 5, 6, 7, 8))
         payscope("run", drawn.log, "-m", drawn.machine, "--calibration", evidence)
-    logs = payscope.folder / "logs"
-    logs.mkdir()
-    shutil.copy(drawn.log, logs)
     draft = payscope.folder / "draft_campaign.toml"
     payscope("init", "--campaign", logs, "-m", drawn.machine, "-o", draft)
 
 
 #: What is done with a recording besides showing it, in turn.
-JOBS: Final[tuple[Callable[[DrawnTable, Path, Driven], None], ...]] = (
+JOBS: Final[tuple[Job, ...]] = (
     shown,
     plotted,
     explained,

@@ -13,8 +13,8 @@ from estimators.estimate import Floats
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
 DEPENDENT = 1e-14
-#: A sum of squares below this is of a column that is zero but for rounding (a filter that rings out):
-#: what is divided by it would leave the range of numbers.
+#: A sum of squares below this is of a column that is zero but for rounding (a filter that rings
+#: out): what is divided by it would leave the range of numbers.
 NOTHING = 1e-60
 #: Sweeps of Jacobi rotations after which a 3 × 3 matrix is diagonal (it converges quadratically).
 _SWEEPS = 6

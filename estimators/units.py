@@ -69,7 +69,7 @@ def units_of(
         unit: (groups,) the unit of each group, from 0.
 
     Returns:
-        The units, each boundary of kind 1; all NaN where one has no first column to tell a level by.
+        The units, each boundary of kind 1; NaN where one has no first column to tell a level by.
     """
     used = group >= 0
     n = int(used.sum())
