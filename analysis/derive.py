@@ -21,7 +21,7 @@ _HIGHEST_CUTOFF = 0.45
 #: In SI units no channel of a machine comes near it: what does stands for no reading (a logger's
 #: largest float, say), and its powers would leave the range of numbers in every fit.
 _LARGEST_SI = 1e15
-#: and no sensor resolves this: what is smaller is 0, whose powers are what they seem.
+#: and no sensor resolves this: what is smaller is 0, as its powers would be without saying so.
 _SMALLEST_SI = 1e-30
 
 
@@ -146,7 +146,6 @@ def _pick(
     with np.errstate(over="ignore"):  # what does not fit is no reading
         x = _numbers(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
-    x = np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
     return _usable(name, channel, field, frame, x, losses)
 
 
@@ -199,13 +198,18 @@ def _usable(
     t, x = t[told][last], x[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - round(channel.delay_s * 1e9), x
+    return t - round(channel.delay_s * 1e9), _resolved(x)
 
 
 def _filled(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     if t.size == 0:
         raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
-    return t, x
+    return t, _resolved(x)
+
+
+def _resolved(x: filters.Floats) -> filters.Floats:
+    """The same with 0 for what no sensor resolves: a filter rings out down to the last number."""
+    return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 
 def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mounting.Series:

@@ -22,7 +22,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -117,6 +117,7 @@ class Driven:
         before = sys.argv
         sys.argv = ["payscope", *typed]
         with (
+            _streams_to(self.folder / "libraries") as libraries,
             out.open("w", encoding="utf-8") as stdout,
             err.open("w", encoding="utf-8") as stderr,
             redirect_stdout(stdout),
@@ -131,6 +132,8 @@ class Driven:
             except BaseException:  # noqa: BLE001 - that there is one is what is looked for
                 self.faults.append(f"{said}: {traceback.format_exc()}")
         sys.argv = before
+        if told := libraries.read_text(encoding="utf-8", errors="replace").strip():
+            self.faults.append(f"{said}: a library wrote: {told[:200]}")
         for each in heard:
             if not issubclass(each.category, _SILENT):
                 place = f"{each.filename}:{each.lineno}"
@@ -159,6 +162,22 @@ class Driven:
         """Keep what does not hold."""
         if not holds:
             self.faults.append(what)
+
+
+@contextmanager
+def _streams_to(path: Path) -> Iterator[Path]:
+    """Send what libraries write to the process' own stdout and stderr to a file."""
+    kept = [os.dup(number) for number in (1, 2)]
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    for number in (1, 2):
+        os.dup2(file, number)
+    os.close(file)
+    try:
+        yield path
+    finally:
+        for number, own in enumerate(kept, start=1):
+            os.dup2(own, number)
+            os.close(own)
 
 
 def _no_number(name: str) -> None:

@@ -166,14 +166,15 @@ def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
     empty_kg = float(np.min(fit.masses_kg))
     if body.empty_mass_kg is not None:
         empty_kg = body.empty_mass_kg + body.rotating_mass_kg
-    return fit.masses_kg / empty_kg - 1.0
+    # to a machine without a mass no load is relative
+    return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.count)
 
 
 def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> dict[str, float]:
     """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
     fit = weighing.fit
     # what is wrong with the equation is as wrong with every mass
-    share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg)
+    share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
     found: dict[str, float] = {}
     if weighing.curvature.shows:
         found["curvature"] = abs(weighing.curvature.kg) * share

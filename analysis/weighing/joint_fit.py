@@ -134,6 +134,8 @@ def _wheels(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> K
 def _averaging_share(by_length: list[JointFit], place: int) -> float:
     """What the mean's length does to the mass, as a share of it; 0 where noise could."""
     best, longer = by_length[place], by_length[place + 1 :]
+    if best.mass_kg == 0.0:
+        return 0.0
     if any(_differ(best, other) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))

@@ -261,7 +261,8 @@ def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: fl
     prior = np.diag((prior_std * scale) ** -2.0)
     bread = np.linalg.pinv(gram / variance + prior)
     covariance = bread @ (scores / variance**2 + prior) @ bread
-    return np.sqrt(np.diag(covariance)) / scale
+    # rounding may leave a variance of nearly nothing below 0
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
 def _lines(group: Ints) -> Floats:

@@ -213,6 +213,8 @@ def _weighed(
     fit = with_likely_effects(fit, columns, priors)
     fit = with_squat(fit, priors)
     fit = with_responses(fit, columns, priors)
+    if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
+        return None
     alone = _alone(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _without_learnt(priors))
     rows = rows_of(fit, columns, (CURVATURE, FILLING))
