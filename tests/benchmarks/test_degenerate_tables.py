@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from hypothesis import HealthCheck, Phase, given, settings, strategies
 
 from benchmarks.degenerate_tables import (
     JOBS,
@@ -24,7 +25,7 @@ from replay.commands.fleet import app as fleet_app
 from tests.replay.sledge import MACHINE, sledge
 
 #: Tables of the small campaign, a second or two each.
-SEEDS = range(12)
+TABLES = 12
 
 
 @pytest.fixture(autouse=True)
@@ -35,7 +36,13 @@ def whatever_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "LONG_S", float("inf"))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@settings(
+    max_examples=TABLES,
+    # a smaller seed draws no smaller table
+    phases=[Phase.explicit, Phase.generate],
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+@given(seed=strategies.integers(0, 10**9))
 def test_a_drawn_table_ends_no_command_in_a_traceback_or_a_warning(seed: int) -> None:
     _, faults, ran = drive(seed)
     assert not faults, "\n".join(faults)
