@@ -80,6 +80,7 @@ _FLEET: Final = """
 name = "drawn"
 
 [[machines]]
+name = "drawn"
 logs = "*"
 file = "{machine}"
 """

@@ -237,13 +237,13 @@ _TIMES: Final[dict[str, Callable[[Floats, Rng], Floats]]] = {
 def _machine_file(rng: Rng, columns: tuple[str, ...], derived: dict[str, str]) -> str:
     body = ['[machine]\nname = "drawn"\ntimezone = "UTC"']
     if rng.random() < 0.6:
-        body.append(f"empty_mass_kg = {rng.choice([1e-12, 100.0, 3600.0, 1e12])!r}")
+        body.append(f"empty_mass_kg = {float(rng.choice([1e-12, 100.0, 3600.0, 1e12]))!r}")
         if rng.random() < 0.5:
-            body.append(f"empty_mass_u_kg = {rng.choice([0.0, 5.0])!r}")
+            body.append(f"empty_mass_u_kg = {float(rng.choice([0.0, 5.0]))!r}")
     if rng.random() < 0.2:
-        body.append(f"repeatability_kg = {rng.choice([0.0, 1e-9, 10.0])!r}")
+        body.append(f"repeatability_kg = {float(rng.choice([0.0, 1e-9, 10.0]))!r}")
     if rng.random() < 0.1:
-        body.append(f"rotating_mass_kg = {rng.choice([0.0, 50.0])!r}")
+        body.append(f"rotating_mass_kg = {float(rng.choice([0.0, 50.0]))!r}")
     if "torque_left" in columns:
         body.append(f"wheel_radius_m = {_WHEEL_RADIUS_M}\ntrack_width_m = {_TRACK_M}")
         body.append(f"force_share = {rng.choice([0.5, 1.0])}")
