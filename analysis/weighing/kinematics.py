@@ -31,6 +31,7 @@ from estimators.autocorrelation import autocovariance_loss
 from estimators.compiled import compiled
 from estimators.fit_loss import group_rows
 from estimators.group_sums import NoiseMoments
+from estimators.linear import NOTHING
 from estimators.prior_fit import Grouping
 
 #: What the wheels say of an accelerometer without its gravity counts where it leaves less than this
@@ -252,7 +253,9 @@ def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: fl
     X, _, group, _ = rows
     of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * EVERY
     of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
-    scale = np.maximum(np.sqrt((X**2).sum(axis=0)), np.finfo(np.float64).tiny)
+    squares = (X**2).sum(axis=0)
+    # of a column of nothing its prior is all that is known
+    scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
     X = X / scale
     added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in group_rows(group)])
     scores = of_mean * added.T @ added + of_speed * X.T @ X
