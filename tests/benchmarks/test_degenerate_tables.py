@@ -24,8 +24,8 @@ from replay.commands.cli import app
 from replay.commands.fleet import app as fleet_app
 from tests.replay.sledge import MACHINE, sledge
 
-#: Tables of the small campaign, a second or two each.
-TABLES = 12
+#: Tables of the small campaign, some seconds each, and of the slow one.
+TABLES, MANY_TABLES = 4, 60
 
 
 @pytest.fixture(autouse=True)
@@ -36,17 +36,27 @@ def whatever_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "LONG_S", float("inf"))
 
 
-@settings(
-    max_examples=TABLES,
-    # a smaller seed draws no smaller table
-    phases=[Phase.explicit, Phase.generate],
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
-)
+def drawn(count: int) -> settings:
+    """So many examples; a smaller seed draws no smaller table."""
+    unlike = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
+    phases = [Phase.explicit, Phase.generate]
+    return settings(max_examples=count, phases=phases, suppress_health_check=unlike)
+
+
+@drawn(TABLES)
 @given(seed=strategies.integers(0, 10**9))
 def test_a_drawn_table_ends_no_command_in_a_traceback_or_a_warning(seed: int) -> None:
     _, faults, ran = drive(seed)
     assert not faults, "\n".join(faults)
     assert ran["run"]
+
+
+@pytest.mark.slow
+@drawn(MANY_TABLES)
+@given(seed=strategies.integers(0, 10**9))
+def test_nor_do_many(seed: int) -> None:
+    _, faults, _ = drive(seed)
+    assert not faults, "\n".join(faults)
 
 
 def test_a_seed_draws_the_same_table_again(tmp_path: Path) -> None:
