@@ -107,6 +107,9 @@ CASES = {
     ),
     "a mass of 1e12 kg": sledge(mass_kg=1e12),
     "a mass of 1e-12 kg": sledge().with_columns(force_N=1e-12 * pl.col("acc_m_s2")),
+    "starts of 0, 0 and 99 kg": sledge(seconds=30.0).with_columns(
+        force_N=pl.when(pl.col("time_s") < 20.0).then(0.0).otherwise(99.0) * pl.col("acc_m_s2")
+    ),
     "a spike of 1e300": sledge().with_columns(
         speed_m_s=pl.when(pl.int_range(pl.len()) == 700).then(1e300).otherwise("speed_m_s")
     ),
