@@ -7,7 +7,7 @@ BENCH_STAMP := .venv/.bench-stamp
 # a worker a processor, each of up to a gigabyte
 PARALLEL := -n logical --maxprocesses 8 --dist loadfile
 
-.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended shifts shift-coverage payloads independent-shifts reproduction reading writing speed memory fuzz lock clean help
+.PHONY: fleet fleet-s3 fleet-speed fleet-years fleet-size unseen shift-speed demo test check lint types tests slow golden golden-update docs calibration campaign coverage decoding forgetting gates honesty findings findings-kept mended shifts shift-coverage payloads degenerate independent-shifts reproduction reading writing speed memory fuzz lock clean help
 .DELETE_ON_ERROR:
 
 help: ## list the targets
@@ -97,6 +97,9 @@ shift-coverage: $(TEST_STAMP) ## how often intervals of payloads and tonnes hold
 
 payloads: $(TEST_STAMP) ## payload by difference on logs of the independent bench; goes on with payloads.jsonl (an hour or two)
 	$(BIN)/python -P benchmarks/payloads.py --json payloads.jsonl
+
+degenerate: $(TEST_STAMP) ## every command on 10,000 tables that no machine would record; goes on with degenerate_tables.jsonl (three hours)
+	$(BIN)/python -P benchmarks/degenerate_tables.py --json degenerate_tables.jsonl
 
 independent-shifts: $(TEST_STAMP) ## sixty shifts of the independent bench, reviewed; goes on with independent_shifts.jsonl (an hour)
 	$(BIN)/python -P benchmarks/independent_shifts.py --json independent_shifts.jsonl

@@ -16,6 +16,8 @@ Ints = NDArray[np.int64]
 
 #: Longer holes keep only their first and last row: a clock jump must not make a billion rows.
 _LONGEST_HOLE_S = 60.0
+#: Rows of the longest grid: eighty hours at 100 Hz, a quarter of a gigabyte a column.
+_MOST_ROWS = 30_000_000
 
 
 def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.DataFrame, int]:
@@ -41,7 +43,7 @@ def align(channels: Mapping[str, pl.DataFrame], machine: Machine) -> tuple[pl.Da
         `aligned`, and the unix time of its first row in ns.
 
     Raises:
-        DataError: the channels share no time.
+        DataError: the channels share no time, or their grid would not fit into memory.
     """
     settings = machine.settings
     raw = {name: rates.series_of(name, frame, settings.align) for name, frame in channels.items()}
@@ -135,7 +137,7 @@ def _grid(needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: fl
         for each in needed.values()
         for i in np.flatnonzero(np.diff(each.t_ns) > each.longest_ns + _LONGEST_HOLE_S * 1e9)
     ]
-    pieces: list[Ints] = []
+    pieces: list[tuple[int, int]] = []
     first = 0
     for opened, closed in sorted(holes):
         # a row behind the last sample, and the last one before the next
@@ -144,11 +146,17 @@ def _grid(needed: Mapping[str, ChannelSeries], start: int, end: int, step_ns: fl
         if right <= max(left, first):
             continue
         if left >= first:
-            pieces.append(np.arange(first, left + 1))
+            pieces.append((first, left + 1))
         first = max(first, right)
     # the slack keeps a last row that rounding would put just after the end
-    pieces.append(np.arange(first, int((end - start) / step_ns + 1e-9) + 1))
-    rows = np.concatenate(pieces)
+    pieces.append((first, int((end - start) / step_ns + 1e-9) + 1))
+    count = sum(stop - begin for begin, stop in pieces)
+    if count > _MOST_ROWS:
+        raise DataError(
+            f"{(end - start) / 1e9:,.0f} s at {1e9 / step_ns:g} Hz are {count:,} rows, more than "
+            f"{_MOST_ROWS:,}: check the unit of the time, or lower settings.align.rate_hz"
+        )
+    rows = np.concatenate([np.arange(*piece) for piece in pieces])
     if step_ns.is_integer():
         return start + rows * int(step_ns)
     return start + np.round(rows * step_ns).astype(np.int64)

@@ -16,6 +16,11 @@ from estimators.errors import DataError
 _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
 #: Angles and places are not in the regressor, so they are not filtered with it.
 UNFILTERED = frozenset({"pitch_rad", "roll_rad"}) | HINTS
+#: In SI units no channel of a machine comes near it: what does stands for no reading (a logger's
+#: largest float, say), and its powers would leave the range of numbers in every fit.
+_LARGEST_SI = 1e15
+#: and no sensor resolves this: what is smaller is 0, as its powers would be without saying so.
+_SMALLEST_SI = 1e-30
 
 
 def derive(
@@ -75,7 +80,7 @@ def measured(
         machine: channels.
 
     Returns:
-        By channel: stamps and samples, before any filter. What was not finite.
+        By channel: stamps and samples, before any filter. What was not finite, or no reading.
     """
     losses: list[Loss] = []
     read: dict[str, mounting.Series] = {}
@@ -135,9 +140,11 @@ def _pick(
 ) -> tuple[filters.Ints, filters.Floats]:
     """A field in SI units."""
     field = str(channel.field)
-    t, x = _usable(name, channel, field, frame, _numbers(name, channel, field, frame), losses)
     gain, offset = to_si(channel.unit, _SI[name]) if channel.unit else (1.0, 0.0)
-    return t, (x * channel.scale + channel.offset) * gain + offset
+    with np.errstate(over="ignore"):  # what does not fit is no reading
+        x = _numbers(name, channel, field, frame) * channel.scale + channel.offset
+        x = x * gain + offset
+    return _usable(name, channel, field, frame, x, losses)
 
 
 def _numbers(name: str, channel: Channel, field: str, frame: pl.DataFrame) -> filters.Floats:
@@ -156,22 +163,27 @@ def _usable(
     x: filters.Floats,
     losses: list[Loss],
 ) -> tuple[filters.Ints, filters.Floats]:
-    """Finite samples alone, one a stamp (the last), when they were measured."""
+    """Readings alone, one a stamp (the last), when they were measured."""
     where = f"{field} of {channel.topic or 'the table'}"
     t = frame["unix_ns"].to_numpy()
     finite = np.isfinite(x)
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
-    if not finite.all():
-        losses.append(
-            Loss(
-                source=name,
-                topic=channel.topic or "",
-                what=f"{int((~finite).sum())} of {x.size} samples of {field} are missing "
-                "or not finite; they were left out",
+    told = finite & (np.abs(x) <= _LARGEST_SI)
+    limit = f"beyond {_LARGEST_SI:g} {_SI[name]}, which is no reading"
+    if not told.any():
+        raise DataError(f"{name}: {where} holds nothing but numbers {limit}: check its unit, scale")
+    for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):
+        if left_out.any():
+            losses.append(
+                Loss(
+                    source=name,
+                    topic=channel.topic or "",
+                    what=f"{int(left_out.sum())} of {x.size} samples of {field} are {why}; "
+                    "they were left out",
+                )
             )
-        )
-    last = np.append(np.diff(t[finite]) > 0, True)
+    last = np.append(np.diff(t[told]) > 0, True)
     if not last.all():
         losses.append(
             Loss(
@@ -181,16 +193,21 @@ def _usable(
                 "next; the last of each was kept",
             )
         )
-    t, x = t[finite][last], x[finite][last]
+    t, x = t[told][last], x[told][last]
     if t.size < 2:
         raise DataError(f"{name}: {where} holds a single sample")
-    return t - round(channel.delay_s * 1e9), x
+    return t - round(channel.delay_s * 1e9), _resolved(x)
 
 
 def _filled(name: str, t: filters.Ints, x: filters.Floats) -> mounting.Series:
     if t.size == 0:
         raise DataError(f"{name}: no stretch of the log is long enough to derive it from")
-    return t, x
+    return t, _resolved(x)
+
+
+def _resolved(x: filters.Floats) -> filters.Floats:
+    """The same with 0 for what no sensor resolves: a filter rings out down to the last number."""
+    return np.where(np.abs(x) < _SMALLEST_SI, 0.0, x)
 
 
 def _mean(a: mounting.Series, b: mounting.Series, settings: AlignSettings) -> mounting.Series:

@@ -8,6 +8,7 @@ import numpy as np
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.fit_loss import group_rows
+from estimators.linear import NOTHING
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +97,10 @@ def scaled_columns(A: Floats, f: Floats, group: Ints) -> tuple[Floats, Floats, F
 
     Returns:
         The same columns and response, and (p,) what the columns were divided by: 1 for one that
-        is 0 throughout, which is left to its prior.
+        is 0 throughout but for rounding, which is left to its prior.
     """
     scale = np.sqrt(_squares(A, group) / max(int((group >= 0).sum()), 1))
-    scale = np.where(scale > 0.0, scale, 1.0)
+    scale = np.where(scale**2 > NOTHING, scale, 1.0)
     return *_divided(A, f, group, scale), scale
 
 

@@ -111,8 +111,8 @@ def reweight(
         moved = np.abs(following - now).max(axis=0)
         left = left[stuck | (moved > _SETTLED * np.abs(following).max(axis=0))]
     kept, squares = _pseudo_residuals(A, f, window, index, theta, limit)
-    # without a limit nothing is clipped
-    kept = np.where(limit > 0.0, kept, 1.0)
+    # without a limit nothing is clipped; one sample at least, where rounding keeps none
+    kept = np.where(limit > 0.0, np.maximum(kept, 1.0 / window), 1.0)
     return theta, ResidualStatistics(limit, kept, squares / kept**2)
 
 

@@ -13,6 +13,9 @@ from estimators.estimate import Floats
 
 #: A pivot that small a share of its diagonal: the columns are dependent to working precision.
 DEPENDENT = 1e-14
+#: A sum of squares below this is of a column that is zero but for rounding (a filter that rings
+#: out): what is divided by it would leave the range of numbers.
+NOTHING = 1e-60
 #: Sweeps of Jacobi rotations after which a 3 × 3 matrix is diagonal (it converges quadratically).
 _SWEEPS = 6
 
@@ -66,7 +69,7 @@ def factor(G: Floats, size: int, p: int) -> tuple[Floats, Floats]:
                 lower[k] *= d[k]
                 pivot[k] -= lower[k] * scaled[k]
         for k in range(m):
-            regular = pivot[k] > DEPENDENT * diagonal[k]
+            regular = pivot[k] > DEPENDENT * diagonal[k] and diagonal[k] > NOTHING
             pivot[k] = 1.0 / pivot[k] if regular else np.nan
     return L, inverse
 

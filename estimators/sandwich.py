@@ -252,4 +252,6 @@ def recursive_deviations(grams: Floats, meats: Floats, white: Floats) -> Floats:
         white: (rows, entries) packed M of uncorrelated residuals.
     """
     bread = _breads(grams)
-    return np.sqrt(np.maximum(covers(bread, meats.T), covers(bread, white.T))).T
+    squares = np.maximum(covers(bread, meats.T), covers(bread, white.T))
+    # of columns so nearly dependent that rounding is all that is left, nothing is known
+    return np.sqrt(np.where(squares > 0.0, squares, np.nan)).T

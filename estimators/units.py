@@ -69,7 +69,7 @@ def units_of(
         unit: (groups,) the unit of each group, from 0.
 
     Returns:
-        The units, each boundary of kind 1.
+        The units, each boundary of kind 1; NaN where one has no first column to tell a level by.
     """
     used = group >= 0
     n = int(used.sum())
@@ -83,6 +83,12 @@ def units_of(
     clean, bare = each.grams - each.noise_gram, each.crosses - each.noise_cross
     # a unit whose acceleration is noise says nothing, and not the contrary
     own = np.maximum(clean[:, 0, 0], _LEAST_OWN * each.grams[:, 0, 0])
+    kind = np.ones(own.size - 1, np.int64)
+    if not (own > 0.0).all():
+        nothing, r = np.full(own.size, np.nan), A.shape[1] - 1
+        return Units(
+            nothing, np.full((own.size, r), np.nan), nothing, np.zeros((r, r)), np.zeros(r), kind
+        )
     y, x = bare[:, 0] / own, clean[:, 0, 1:] / own[:, None]
     within = (clean[:, 1:, 1:] - own[:, None, None] * x[:, :, None] * x[:, None, :]).sum(axis=0)
     cross = (bare[:, 1:] - (own * y)[:, None] * x).sum(axis=0)
@@ -115,7 +121,7 @@ def units_of(
         per_square * each.grams[:, 0, 0] / own**2 / scale[0] ** 2,
         (within / variance + np.diag(precision)) * np.outer(back, back),
         (cross / variance + precision * prior_mean * back) * back,
-        np.ones(level.size - 1, np.int64),
+        kind,
     )
 
 

@@ -93,7 +93,8 @@ def headline(said: Answer) -> str:
         if load["mass_kg"] is not None:
             scale = ", scale not known" if load["scale_unknown"] else ""
             return f"{plus_minus(load['mass_kg'], load['u_kg'])} kg (standard uncertainty{scale})"
-    for row in said.rows:
+    # a recording of an earlier version has no loads
+    for row in said.rows if not said.loads else ():
         known = [method for method in row.methods if row.value("mass_kg", method) is not None]
         if known:
             best = "pooled" if "pooled" in known else known[0]

@@ -9,10 +9,9 @@ from analysis.diagnosis.disagreement import disagreements
 from analysis.diagnosis.evidence import Evidence, Motion
 from analysis.diagnosis.row import CheckRow
 from analysis.schema import values
-from analysis.uncertainty import combined
-from analysis.weighing.budget import budget
+from analysis.weighing.budget import relative_u
 from analysis.weighing.kinematics import Kinematics
-from analysis.weighing.weigh import Weighing
+from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 
 
 def _of_fit(number: Callable[[Weighing], float]) -> Callable[[Evidence, Motion], float]:
@@ -39,13 +38,20 @@ def _has_wheels(evidence: Evidence, _: Motion) -> bool:
 
 
 def _relative_u(evidence: Evidence, _: Motion) -> float:
-    """Of the answer as it is stated, but for the scale, which no log tells."""
+    """Of the load that most manoeuvres are of."""
     weighing = evidence.weighing
-    if weighing is None or not weighing.fit.mass_kg > 0:
-        return np.nan if weighing is None else np.inf
-    sources = budget(weighing, evidence.machine, weighing.fit.weights(weighing.fit.main))
-    u_kg = combined(sources, "random", "common")
-    return u_kg / weighing.fit.mass_kg if np.isfinite(weighing.fit.u_kg) else np.nan
+    if weighing is None:
+        return np.nan
+    return relative_u(weighing, evidence.machine, weighing.fit.main)
+
+
+def _answers(evidence: Evidence, _: Motion) -> bool:
+    """Whether there is to be an answer: frames alone have none."""
+    return evidence.totals is not None
+
+
+def _why_none(evidence: Evidence, _: Motion) -> str:
+    return "" if evidence.weighing is not None else NOTHING_FITTED
 
 
 def _farthest_term(evidence: Evidence, _: Motion) -> str:
@@ -106,7 +112,8 @@ FIT_CHECKS: Final = (
         _relative_u,
         "standard uncertainty of the answer over the answer",
         maximum="relative_std_max",
-        applies=_fitted,
+        applies=_answers,
+        names=_why_none,
         remedy="more starts at different throttles and both ways, or narrower settings.priors",
     ),
     CheckRow(

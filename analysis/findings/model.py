@@ -48,6 +48,8 @@ def wheel_radius(case: Case) -> list[Sign]:
     if pick is None:
         return []
     gain, std = pick.value, pick.std
+    if gain <= -1.0:  # no radius makes wheels follow that do not
+        return []
     body = case.machine.machine
     torques = bool(case.measured("torque_left_N_m", "torque_right_N_m"))
     setting, value = [], []

@@ -127,6 +127,8 @@ def unsigned(case: Case) -> list[Sign]:
     if not np.isfinite(opposing):
         opposing = case.checks.get("opposing_share", np.nan)
     straight = case.evidence.straight
+    if not straight.known.any():
+        return []
     backwards = float((straight.speed[straight.known] < -_BACKWARDS_M_S).mean()) > 0.05
     brakes = np.count_nonzero(straight.braking) >= _BRAKES and opposing <= _UNSIGNED
     if not _never_negative(case, name) or not (backwards or brakes):

@@ -375,6 +375,8 @@ def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floa
     mass, friction = np.linalg.lstsq(A, force, rcond=None)[0]
     gradient = np.array([mass, friction, -1.0])
     variances = np.array([gradient @ covariance @ gradient for covariance in covariances])
+    if not variances[-1] > 0.0:  # noise that adds up to none is that of every row
+        return np.ones(which.size)
     return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
 
 

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from analysis.machine import Machine
-from analysis.uncertainty import SCALES, UncertaintySource, largest_first
+from analysis.uncertainty import SCALES, UncertaintySource, combined, largest_first
 from analysis.weighing.equation import Floats
 from analysis.weighing.ground import SOURCE
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
@@ -147,20 +147,34 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     return largest_first(sources)
 
 
+def relative_u(weighing: Weighing, machine: Machine, state: int) -> float:
+    """Standard uncertainty of a load's mass over it, but for the scale, which no log tells.
+
+    By this a load has a mass or none: NaN where the fit has no number, infinite where its mass is
+    not above 0.
+    """
+    sources = budget(weighing, machine, weighing.fit.weights(state))
+    mass_kg = float(weighing.fit.masses_kg[state]) - machine.machine.rotating_mass_kg
+    if not np.isfinite([mass_kg, combined(sources)]).all():
+        return float("nan")
+    return combined(sources, "random", "common") / mass_kg if mass_kg > 0.0 else float("inf")
+
+
 def _relative_loads(fit: JointFit, machine: Machine) -> Floats:
     """(masses,) load of each state over the empty machine, or over the lightest state."""
     body = machine.machine
     empty_kg = float(np.min(fit.masses_kg))
     if body.empty_mass_kg is not None:
         empty_kg = body.empty_mass_kg + body.rotating_mass_kg
-    return fit.masses_kg / empty_kg - 1.0
+    # to a machine without a mass no load is relative
+    return fit.masses_kg / empty_kg - 1.0 if empty_kg else np.zeros(fit.count)
 
 
 def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> dict[str, float]:
     """What else a check of the fit widens a sum of masses by, in kg, where it shows."""
     fit = weighing.fit
     # what is wrong with the equation is as wrong with every mass
-    share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg)
+    share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
     found: dict[str, float] = {}
     if weighing.curvature.shows:
         found["curvature"] = abs(weighing.curvature.kg) * share

@@ -214,6 +214,11 @@ class Equation:
         reached = float(np.quantile(np.abs(self.acceleration[self.used]), 0.95))
         return self.largest_force / reached if reached else 0.0
 
+    @property
+    def drives(self) -> bool:
+        """Whether it has a force, a speed and an acceleration to measure the terms' priors by."""
+        return self.about_kg > 0.0 and self.largest_speed > 0.0
+
     @cached_property
     def manoeuvres(self) -> int:
         """How many stretches between two stands may be fitted."""

@@ -26,6 +26,8 @@ from estimators.fit_loss import group_ids, group_rows
 
 #: A manoeuvre of fewer rows tells nothing of it.
 _FEWEST_ROWS: Final = 20
+#: What is left of a column is rounding below this share of its squares.
+_ROUNDING: Final = 1e-12
 #: Fewer manoeuvres do not tell what is usual.
 _FEWEST: Final = 4
 #: A standard deviation over the median distance from the median, of normal numbers.
@@ -138,13 +140,15 @@ def growing(
     friction = float(np.hypot(fit.viscous, fit.fit.std[fit.count]))
     own = _FRICTION * friction, _CONSTANT * fit.motion.largest_force
     tied = np.sqrt(variance) / np.maximum([np.inf, *own], 1e-9)
-    slopes = [_slope(rows.A[part], left[part], tied) for part in compress(parts, told)]
-    kg, square = np.array(slopes).T
+    slopes = np.array([_slope(rows.A[part], left[part], tied) for part in compress(parts, told)])
+    number, slopes = numbers[told][slopes[:, 1] > 0.0], slopes[slopes[:, 1] > 0.0]
+    if number.size < _FEWEST:
+        return ()
+    kg, square = slopes.T
     kg = kg - np.median(kg)
     apart = _OF_MEDIAN * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
-    number = numbers[told]
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         Growth(
@@ -169,13 +173,15 @@ def _slope(A: Floats, residual: Floats, tied: Floats) -> tuple[float, float]:
     """How much a residual grows with a mass, and the information about it.
 
     The manoeuvre's own mass, friction and constant are aside, as far as they may differ: `tied` is
-    (3,) a row's deviation over theirs.
+    (3,) a row's deviation over theirs. Of one that hardly accelerates both are 0.
     """
     own = np.vstack([A[:, :_OWN], np.diag(tied)])
-    grows = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
-    own_part = np.linalg.lstsq(own, np.append(grows, np.zeros(_OWN)))[0]
-    grows = grows - A[:, :_OWN] @ own_part
-    square = float(grows @ (A[:, 0] * np.linspace(-0.5, 0.5, residual.size)))
+    whole = A[:, 0] * np.linspace(-0.5, 0.5, residual.size)
+    own_part = np.linalg.lstsq(own, np.append(whole, np.zeros(_OWN)))[0]
+    grows = whole - A[:, :_OWN] @ own_part
+    square = float(grows @ whole)
+    if not square > _ROUNDING * float(whole @ whole):
+        return 0.0, 0.0
     return float(grows @ residual) / square, square
 
 

@@ -101,6 +101,7 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     )
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)
     part = whole.beginning(_TRIED)
+    part = part if part.motion.drives else whole
     longest = int(np.median(np.bincount(motion.group[motion.used]))) / _MEANS_A_STRETCH
     means = sorted({rows_in(mean_s, motion.rate_hz) for mean_s in MEANS_S})
     lengths = [samples for samples in means if samples <= max(longest, means[0])]
@@ -142,6 +143,8 @@ def _wheels(motion: Equation, noise: NoiseOfColumns, priors: PriorSettings) -> K
 def _averaging_share(by_length: list[JointFit], place: int) -> float:
     """What the mean's length does to the mass, as a share of it; 0 where noise could."""
     best, longer = by_length[place], by_length[place + 1 :]
+    if best.mass_kg == 0.0:
+        return 0.0
     if any(_differ(best, other) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))

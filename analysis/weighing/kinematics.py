@@ -31,6 +31,7 @@ from estimators.autocorrelation import autocovariance_loss
 from estimators.compiled import compiled
 from estimators.fit_loss import group_rows
 from estimators.group_sums import NoiseMoments
+from estimators.linear import NOTHING
 from estimators.prior_fit import Grouping
 
 #: What the wheels say of an accelerometer without its gravity counts where it leaves less than this
@@ -201,6 +202,8 @@ def _compared(
     wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     for number in range(_PASSES):
         late_s, slips_1_N = float(wide.theta[2]), float(wide.theta[1])
+        if not np.isfinite([late_s, slips_1_N]).all():
+            break
         if earlier is not None and abs(late_s) < _SETTLED_S:
             break
         # the slip is of the ground's speed, and an offset matters by what slip there is
@@ -250,7 +253,9 @@ def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: fl
     X, _, group, _ = rows
     of_mean = noise.covariance(_ADDED_UP)[0, 0] * _ADDED_UP * step_s**2 * EVERY
     of_speed = noise.covariance(MEAN)[1, 1] * MEAN / EVERY
-    scale = np.maximum(np.sqrt((X**2).sum(axis=0)), np.finfo(np.float64).tiny)
+    squares = (X**2).sum(axis=0)
+    # of a column of nothing its prior is all that is known
+    scale = np.where(squares > NOTHING, np.sqrt(squares), 1.0)
     X = X / scale
     added = np.concatenate([np.cumsum(X[part][::-1], axis=0) for part in group_rows(group)])
     scores = of_mean * added.T @ added + of_speed * X.T @ X
@@ -259,7 +264,8 @@ def _least_std(rows: _Rows, noise: NoiseOfColumns, prior_std: Floats, step_s: fl
     prior = np.diag((prior_std * scale) ** -2.0)
     bread = np.linalg.pinv(gram / variance + prior)
     covariance = bread @ (scores / variance**2 + prior) @ bread
-    return np.sqrt(np.diag(covariance)) / scale
+    # rounding may leave a variance of nearly nothing below 0
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
 def _lines(group: Ints) -> Floats:

@@ -9,13 +9,13 @@ from analysis.check import Verdict
 from analysis.machine import Machine
 from analysis.schema import CALIBRATED, FRAMES, build
 from analysis.uncertainty import combined, unknown_scale
-from analysis.weighing.budget import budget
+from analysis.weighing.budget import budget, relative_u
 from analysis.weighing.datum import Datum, EmptyMachine
 from analysis.weighing.equation import Floats, Ints
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.kinematics import TERMS
 from analysis.weighing.states import States, sample_units
-from analysis.weighing.weigh import Weighing
+from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 
 #: The lightest state is empty when its mass is the machine's within so many uncertainties,
 _ALIKE: Final = 2.0
@@ -49,7 +49,7 @@ def loads(
         verdict: what it forbids is withheld.
     """
     if weighing is None:
-        return _no_load(verdict)
+        return _no_load()
     fit = weighing.fit
     times = _times(fit, excitation)
     empty = empty_states(weighing, times, machine)
@@ -178,12 +178,10 @@ def _load(
     mass_kg = float(fit.masses_kg[state]) - body.rotating_mass_kg
     u_kg = combined(sources)
     withheld = [check.check for check in verdict.failed("mass")]
-    if not np.isfinite([mass_kg, u_kg]).all():
-        withheld.append("the fit has no number")
-    elif combined(sources, "random", "common") > machine.settings.verdict.relative_std_max * abs(
-        mass_kg
-    ):
-        withheld += ["relative_u"] if "relative_u" not in withheld else []
+    # as the check of that name judges the load that most manoeuvres are of
+    known = relative_u(weighing, machine, state) <= machine.settings.verdict.relative_std_max
+    if not known and "relative_u" not in withheld:
+        withheld.append("relative_u")
     payload, unknown = _payload(weighing, state, empty, machine, datum)
     friction = fit.friction
     numbers = {
@@ -313,7 +311,7 @@ def manoeuvre_frame(
     )
 
 
-def _no_load(verdict: Verdict) -> pl.DataFrame:
+def _no_load() -> pl.DataFrame:
     """One load of which nothing is known."""
     said = {
         "load_id": 0,
@@ -321,8 +319,8 @@ def _no_load(verdict: Verdict) -> pl.DataFrame:
         "braking_left_out": False,
         "scale_unknown": "",
         "payload_scale_unknown": "",
-        "withheld": not verdict.can_weigh,
-        "withheld_for": "no manoeuvre of this log was informative enough",
+        "withheld": True,
+        "withheld_for": NOTHING_FITTED,
         "scatter_known": False,
         "empty": False,
         "said": "",

@@ -234,7 +234,8 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
     """
     if not (np.isfinite(units.y).all() and (units.variance > 0.0).all()):
         return untold_states(number)
-    typical_kg = float(np.median(np.abs(units.y)))
+    # manoeuvres of no mass have no scale of loads: that is then what their own noise lets them say
+    typical_kg = float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
     found = partitions(
         units,
         _LARGEST_LOAD * typical_kg,

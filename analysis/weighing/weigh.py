@@ -42,8 +42,10 @@ _COUNTS: Final = 0.01
 _LONG: Final = 20
 #: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
 _TOLD_ROUNDS: Final = 2
-#: Less is not fitted, in s and in samples: as many as a window has at least.
+#: Less is not fitted, in s and in samples: as many as a window has at least,
 _SHORTEST_S: Final = 1.0
+#: and that is why there is no answer.
+NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +171,7 @@ def _weighed(
     """The same with these priors."""
     settings = machine.settings
     known = ColumnNoise.of(X, noise, settings.noise)
-    if known is None:
+    if known is None or excitation.height < FEWEST_READINGS:
         return None
     rate_hz = settings.align.rate_hz
     columns = _OfDerivative(known, rate_hz) if machine.differentiates_speed else known
@@ -183,8 +185,7 @@ def _weighed(
         return with_states(joint_fit(fitted, states), fitted, machine.machine.repeatability_kg)
 
     whole = motion(braking=True)
-    fewest = rows_in(_SHORTEST_S, rate_hz, FEWEST_READINGS)
-    if whole.used.sum() < fewest:
+    if not _tells(whole):
         return None
     fit = of_states(whole)
     grown = growing(fit, columns)
@@ -197,7 +198,7 @@ def _weighed(
     braking_kg, left_out = float("nan"), False
     if not settings.gate.exclude_braking:
         driving = _without(motion(braking=False), grown)
-        if driving.used.sum() >= fewest:
+        if _tells(driving):
             fitted = Fitted.of(driving, columns, priors)
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
@@ -213,6 +214,8 @@ def _weighed(
     fit = with_likely_effects(fit, columns, priors)
     fit = with_squat(fit, priors)
     fit = with_responses(fit, columns, priors)
+    if fit.mass_kg == 0.0:  # of a force that is 0 wherever the machine accelerates
+        return None
     alone = _alone(fit, columns, priors)
     own, own_priors = (fit, priors) if alone is None else (alone, _without_learnt(priors))
     rows = rows_of(fit, columns, (CURVATURE, FILLING))
@@ -235,6 +238,12 @@ def _weighed(
         else again(fit, columns, informed_priors(priors), rounds=_TOLD_ROUNDS),
         {**priors.learnt},
     )
+
+
+def _tells(motion: Equation) -> bool:
+    """Whether there is enough to fit."""
+    fewest = rows_in(_SHORTEST_S, motion.rate_hz, FEWEST_READINGS)
+    return int(motion.used.sum()) >= fewest and motion.drives
 
 
 def _without(motion: Equation, grown: tuple[Growth, ...]) -> Equation:

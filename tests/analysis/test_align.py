@@ -356,3 +356,10 @@ def test_longitudes_meet_at_180_degrees(channels_of, machine):
     aligned, _ = align(hinted, machine())
     shown = aligned["longitude_deg"].to_list()
     assert [shown[row] for row in (0, 25, 75, 100, 150)] == [179.0, 179.5, -179.5, -179.0, -178.0]
+
+
+def test_a_grid_that_would_not_fit_into_memory_is_refused_with_its_rows(channels_of, machine):
+    """A sample in a million seconds: its unit is wrong, or the grid's rate."""
+    channels = three(channels_of, *[ticks(10**9, 5)] * 3)
+    with pytest.raises(DataError, match=r"400,000,001 rows, more than .* settings.align.rate_hz"):
+        align(channels, machine())

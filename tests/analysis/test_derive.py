@@ -259,3 +259,25 @@ def test_derived_channels_keep_ascending_stamps(raw_topic, machine):
     for frame in channels.values():
         assert (np.diff(frame["unix_ns"]) > 0).all()
     assert filters.period_ns(channels["acc_x_m_s2"]["unix_ns"].to_numpy()) == 10 * MS
+
+
+def test_what_stands_for_no_reading_is_left_out_and_counted(raw_topic, machine):
+    """A logger that writes the largest float where its sensor is silent."""
+    force = np.ones(500)
+    force[[5, 6]] = [3.4e38, -1e300]
+    channels, losses, _ = derived(loader(raw_topic, force=force), machine())
+    assert channels["force_x_N"].height == 498
+    assert [loss.what for loss in losses] == [
+        "2 of 500 samples of force are beyond 1e+15 N, which is no reading; they were left out"
+    ]
+
+
+def test_a_field_of_nothing_but_that_is_an_error(raw_topic, machine):
+    with pytest.raises(DataError, match="holds nothing but numbers beyond 1e\\+15 N"):
+        derived(loader(raw_topic, force=np.full(500, 1e300)), machine())
+
+
+def test_what_no_sensor_resolves_is_zero(raw_topic, machine):
+    channels, losses, _ = derived(loader(raw_topic, force=np.full(500, 1e-310)), machine())
+    assert (channels["force_x_N"]["force_x_N"] == 0.0).all()
+    assert not losses

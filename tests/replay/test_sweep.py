@@ -56,7 +56,7 @@ def test_a_combination_that_cannot_weigh_is_marked_and_has_no_mass(
     good, bad = csv.DictReader(StringIO(said.out))
     assert (good["can_weigh"], good["failed"]) == ("true", "")
     assert float(good["ls_error_kg"]) == pytest.approx(float(good["ls_mass_kg"]) - 120.0)
-    assert (bad["can_weigh"], bad["failed"]) == ("false", "accepted_stretches")
+    assert (bad["can_weigh"], bad["failed"]) == ("false", "accepted_stretches relative_u")
     assert bad["ls_mass_kg"] == bad["ls_error_kg"] == ""
     table = payscope(
         "sweep", log, "-m", machine_file, "--over", "settings.gate.threshold_nat=0.7,50"

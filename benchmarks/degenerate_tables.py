@@ -1,0 +1,408 @@
+"""Every command on tables that no machine would record: no traceback, no warning, one answer.
+
+    python -P benchmarks/degenerate_tables.py [--tables 10000] [--json degenerate_tables.jsonl]
+
+`drawn_tables` draws the tables, each by its seed; those that the file of results has are not driven
+again. A table is inspected, drafted a machine file of, replayed, shown, and one of the other jobs
+is done with it, in turn (viewer and fleet, which are slow to start, of one in 250); `--every` does
+all of them. Commands run in this process, as a user would
+type them. What breaks a promise is printed and kept: an exception, a warning that Python would
+print, an exit status that has no meaning, a message of several lines, JSON that is none, and a run
+whose headline, `can_weigh`, exit status and recording do not agree.
+"""
+
+import json
+import os
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+os.environ.setdefault("POLARS_MAX_THREADS", "1")
+
+import polars as pl
+import typer
+
+from analysis.answer import answer
+from benchmarks.drawn_tables import DrawnTable, draw
+from recordings import read_recording
+from replay.commands.cli import main as payscope
+
+#: Exit statuses of a command that was told to end: so is the campaign.
+_INTERRUPTED: Final = (128 + signal.SIGINT, 128 + signal.SIGTERM)
+#: What Python does not print by itself.
+_SILENT: Final = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
+#: Address space of the process; a table has a few thousand rows.
+_MOST_BYTES: Final = 8 << 30
+#: Runs of a campaign, each with one mass and so much more of the force than the one before.
+_RUNS: Final = 4
+_GROWS: Final = 0.2
+_CAMPAIGN: Final = """
+[campaign]
+title = "drawn"
+intended_use = "none"
+author = "A. Author"
+signer = "T. Signer"
+
+[machine]
+file = "{machine}"
+id = "drawn-1"
+empty_mass_kg = 100.0
+empty_mass_u_kg = 0.5
+"""
+_MASS: Final = """
+[[masses]]
+id = "block-{number}"
+value_kg = 20.0
+u_kg = 0.02
+certificate = "K-{number}"
+expires = 2030-01-31
+"""
+_RUN: Final = """
+[[runs]]
+id = "run-{number}"
+log = "{log}"
+loads = {loads}
+day = 2026-05-0{day}
+operator = "O. Operator"
+"""
+_FLEET: Final = """
+[fleet]
+name = "drawn"
+
+[[machines]]
+name = "drawn"
+logs = "*"
+file = "{machine}"
+"""
+
+
+Job = Callable[[DrawnTable, Path, "Driven"], None]
+
+
+@dataclass
+class Driven:
+    """A command line that types commands, and what broke a promise.
+
+    Attributes:
+        folder: where outputs go.
+        faults: by command, a line or a traceback each.
+        ran: how often each command ran.
+    """
+
+    folder: Path
+    faults: list[str] = field(default_factory=list)
+    ran: Counter[str] = field(default_factory=Counter)
+
+    def __call__(self, *words: object, more: tuple[int, ...] = ()) -> tuple[int, str]:
+        """Type a command; its exit status, and what it wrote to stdout.
+
+        Args:
+            words: of the command.
+            more: exit statuses that have a meaning besides 0, 1 and 2.
+        """
+        typed = [str(word) for word in words]
+        said = " ".join(typed).replace(str(self.folder), "")
+        self.ran[" ".join(typed[:2]) if typed[0] == "fleet" else typed[0]] += 1
+        out, err = self.folder / "stdout", self.folder / "stderr"
+        status: object = None
+        before = sys.argv
+        sys.argv = ["payscope", *typed]
+        with (
+            _streams_to(self.folder / "libraries") as libraries,
+            out.open("w", encoding="utf-8") as stdout,
+            err.open("w", encoding="utf-8") as stderr,
+            redirect_stdout(stdout),
+            redirect_stderr(stderr),
+            warnings.catch_warnings(record=True) as heard,
+        ):
+            warnings.simplefilter("always")
+            try:
+                payscope()
+            except SystemExit as left:
+                status = left.code
+            except BaseException:  # noqa: BLE001 - that there is one is what is looked for
+                self.faults.append(f"{said}: {traceback.format_exc()}")
+        sys.argv = before
+        if told := libraries.read_text(encoding="utf-8", errors="replace").strip():
+            self.faults.append(f"{said}: a library wrote: {told[:200]}")
+        for each in heard:
+            if not issubclass(each.category, _SILENT):
+                place = f"{each.filename}:{each.lineno}"
+                self.faults.append(f"{said}: {each.category.__name__}: {each.message} ({place})")
+        text, message = out.read_text(encoding="utf-8"), err.read_text(encoding="utf-8")
+        if status in _INTERRUPTED:
+            raise KeyboardInterrupt
+        if status is not None and status not in (0, 1, 2, *more):
+            self.faults.append(f"{said}: exit status {status}")
+        if status == 2 and (text or message.count("\n") != 1):
+            self.faults.append(f"{said}: exit status 2 with {text!r} and {message!r}")
+        return (int(status) if isinstance(status, int) else -1), text
+
+    def json(self, *words: object, more: tuple[int, ...] = ()) -> tuple[int, Any]:
+        """Type a command that prints JSON; None where it was refused."""
+        status, text = self(*words, "--json", more=more)
+        if status not in (0, 1):
+            return status, None
+        try:
+            return status, json.loads(text, parse_constant=_no_number)
+        except ValueError as error:
+            self.faults.append(f"{' '.join(map(str, words))}: {error} in {text[:200]!r}")
+            return status, None
+
+    def require(self, holds: bool, what: str) -> None:
+        """Keep what does not hold."""
+        if not holds:
+            self.faults.append(what)
+
+
+@contextmanager
+def _streams_to(path: Path) -> Iterator[Path]:
+    """Send what libraries write to the process' own stdout and stderr to a file."""
+    kept = [os.dup(number) for number in (1, 2)]
+    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    for number in (1, 2):
+        os.dup2(file, number)
+    os.close(file)
+    try:
+        yield path
+    finally:
+        for number, own in enumerate(kept, start=1):
+            os.dup2(own, number)
+            os.close(own)
+
+
+def _no_number(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
+
+
+def inspected(drawn: DrawnTable, payscope: Driven) -> None:
+    """`info` and `init`; the draft is a machine file that `run` takes or refuses in a line."""
+    payscope("info", drawn.log)
+    payscope.json("info", drawn.log, "--check")
+    draft = payscope.folder / "draft.toml"
+    status, _ = payscope("init", drawn.log, "-o", draft)
+    if status == 0:
+        payscope("run", drawn.log, "-m", draft)
+
+
+def replayed(drawn: DrawnTable, payscope: Driven) -> Path | None:
+    """`run`, whose text, JSON, exit status and recording agree; the recording."""
+    recording = payscope.folder / "drawn.rrd"
+    status, said = payscope.json("run", drawn.log, "-m", drawn.machine, "-o", recording)
+    if said is None:
+        return None
+    again, text = payscope("run", drawn.log, "-m", drawn.machine, "--goal", "5")
+    payscope.require(again == status, f"run: exit status {status}, then {again}")
+    for fault in disagreements(status, said, text, recording):
+        payscope.require(False, f"run: {fault}")
+    return recording
+
+
+def disagreements(status: int, said: dict[str, Any], text: str, recording: Path) -> Iterator[str]:
+    """What of a run says that there is a mass, or that there is none, unlike the others.
+
+    Args:
+        status: of `run`.
+        said: with `--json`.
+        text: without.
+        recording: of the run.
+    """
+    can_weigh = said["verdict"]["can_weigh"]
+    kept = answer(read_recording(recording))
+    has_mass = any(load["mass_kg"] is not None for load in said["loads"])
+    by_method = any(value is not None for value in said.get("mass_kg", {}).values())
+    others = {
+        "exit status 0": status == 0,
+        "a load with a mass": has_mass,
+        "the text 'can weigh'": "This log can weigh" in text,
+        "no text 'cannot weigh'": "This log cannot weigh" not in text,
+        "the recording's verdict": kept.verdict.can_weigh,
+        "the recording's mass": any(load["mass_kg"] is not None for load in kept.loads),
+    }
+    yield from (
+        f"can_weigh is {can_weigh}, {what} is {holds}"
+        for what, holds in others.items()
+        if holds != can_weigh
+    )
+    if can_weigh and "no mass: " in text:
+        yield "the text says 'no mass' beside 'can weigh'"
+    if by_method and not can_weigh:
+        yield "a method has a mass that is withheld"
+
+
+def shown(_: DrawnTable, recording: Path, payscope: Driven) -> None:
+    """`show`: the stages, and each of them in one of its formats."""
+    status, text = payscope("show", recording, "--format", "json")
+    for number, stage in enumerate(json.loads(text) if status == 0 else []):
+        if number % 3 == 0:
+            payscope("show", recording, stage, "--from", "0", "--to", "5")
+        elif number % 3 == 1:
+            payscope("show", recording, stage, "--format", "json")
+        else:
+            payscope("show", recording, stage, "--at", "1")
+
+
+def plotted(_: DrawnTable, recording: Path, payscope: Driven) -> None:
+    """`plot`."""
+    payscope("plot", recording, "-o", payscope.folder / "drawn.png")
+
+
+def explained(drawn: DrawnTable, recording: Path, payscope: Driven) -> None:
+    """`explain`: of a recording, at a second, with a picture, and with `--apply`."""
+    payscope.json("explain", recording)
+    payscope("explain", recording, "--at", "3", "-o", payscope.folder / "explained.png")
+    mended = payscope.folder / "mended.toml"
+    payscope("explain", drawn.log, "-m", drawn.machine, "--apply", "-o", mended)
+
+
+def compared(drawn: DrawnTable, recording: Path, payscope: Driven) -> None:
+    """`compare` with a run of another setting."""
+    other = payscope.folder / "other.rrd"
+    words = ("--set", "settings.gate.threshold_nat=0.1", "-o", other)
+    if payscope("run", drawn.log, "-m", drawn.machine, *words)[0] in (0, 1):
+        payscope("compare", recording, other)
+        payscope.json("compare", recording, other)
+
+
+def swept(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+    """`sweep` with its figure."""
+    over = ("--over", "settings.gate.threshold_nat=0.1,0.7", "--reference", "100")
+    figure = payscope.folder / "swept.png"
+    payscope("sweep", drawn.log, "-m", drawn.machine, *over, "--figure", figure)
+
+
+def reviewed(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+    """`review`."""
+    folder = payscope.folder / "review"
+    payscope("review", drawn.log, "-m", drawn.machine, "-o", folder, "--target", "100")
+
+
+def calibrated(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+    """`calibrate` with the table as every run, its force grown; `init --campaign`, `verify`."""
+    logs = payscope.folder / "logs"
+    logs.mkdir()
+    table = pl.read_csv(drawn.log) if drawn.log.suffix == ".csv" else pl.read_parquet(drawn.log)
+    text = _CAMPAIGN.format(machine=drawn.machine)
+    text += "".join(_MASS.format(number=number) for number in range(1, _RUNS))
+    for number in range(_RUNS):
+        log = logs / f"run-{number}.parquet"
+        force = pl.selectors.matches("force|torque") * (1.0 + _GROWS * number)
+        table.with_columns(force).write_parquet(log)
+        loads = json.dumps([f"block-{each}" for each in range(1, number + 1)])
+        text += _RUN.format(number=number, log=log, loads=loads, day=number + 1)
+    campaign = payscope.folder / "campaign.toml"
+    campaign.write_text(text, encoding="utf-8")
+    evidence = payscope.folder / "evidence"
+    payscope("calibrate", campaign, "-o", evidence)
+    if evidence.exists():
+        payscope("verify", evidence, more=(3, 4, 5, 6, 7, 8))
+        payscope("run", drawn.log, "-m", drawn.machine, "--calibration", evidence)
+    draft = payscope.folder / "draft_campaign.toml"
+    payscope("init", "--campaign", logs, "-m", drawn.machine, "-o", draft)
+
+
+#: What is done with a recording besides showing it, in turn.
+JOBS: Final[tuple[Job, ...]] = (
+    shown,
+    plotted,
+    explained,
+    compared,
+    swept,
+    reviewed,
+    calibrated,
+)
+
+
+def viewed(_: DrawnTable, recording: Path, payscope: Driven) -> None:
+    """`view`: a stretch of the recording, photographed where the machine has a driver for it."""
+    words = ("--from", "0", "--to", "5", "--screenshot", payscope.folder / "shots")
+    payscope("view", recording, *words, "--tab", "Overview")
+
+
+def fleet(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+    """`fleet`: a folder with the table replayed on the engine, queried, reported, compared."""
+    logs, results = payscope.folder / "fleet", payscope.folder / "results"
+    logs.mkdir()
+    shutil.copy(drawn.log, logs)
+    described = payscope.folder / "fleet.toml"
+    described.write_text(_FLEET.format(machine=drawn.machine), encoding="utf-8")
+    start = ("fleet", "run", logs, "-m", described, "-o", results)
+    payscope(*start, "--workers", "1", "--recordings")
+    query = ("SELECT key, status, reason, can_weigh FROM results", "--format", "json")
+    status, text = payscope("fleet", "query", results, *query)
+    rows = json.loads(text) if status == 0 else []
+    payscope.require(len(rows) == 1, f"fleet: {len(rows)} results of one log")
+    for row in rows:
+        payscope.require(row["status"] == "replayed", f"fleet: {row}")
+        payscope("fleet", "open", results, row["key"], "-o", payscope.folder / "opened.rrd")
+    payscope("fleet", "report", results, "-o", payscope.folder / "fleet.html")
+    payscope("fleet", "compare", results, results)
+
+
+#: What starts a viewer or an engine, which takes many seconds: of one table in so many.
+SLOW_JOBS: Final = (viewed, fleet)
+_SLOW_EVERY: Final = 250
+#: Commands that read no log, and nothing that was made of one.
+WITHOUT_LOG: Final = frozenset({"demo", "excite", "reproduce", "simulate"})
+
+
+def drive(seed: int, *, every: bool = False) -> tuple[str, list[str], Counter[str]]:
+    """Drive one table; what was drawn, what broke a promise, and how often each command ran."""
+    with tempfile.TemporaryDirectory(prefix="drawn-") as name:
+        folder = Path(name)
+        drawn, payscope = draw(seed, folder), Driven(folder)
+        inspected(drawn, payscope)
+        recording = replayed(drawn, payscope)
+        if recording is not None and recording.exists():
+            jobs = JOBS if every else (JOBS[seed % len(JOBS)],)
+            slow = SLOW_JOBS if every or seed % _SLOW_EVERY == 0 else ()
+            for job in (*jobs, *slow):
+                job(drawn, recording, payscope)
+        return drawn.spoilt, payscope.faults, payscope.ran
+
+
+def main(
+    tables: int = 10_000,
+    first: int = 0,
+    every: bool = False,
+    results: Annotated[Path, typer.Option("--json")] = Path("degenerate_tables.jsonl"),
+) -> None:
+    # a table that takes all memory is a fault like others, not the end of the campaign
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
+    done: set[int] = set()
+    if results.exists():
+        lines = results.read_text(encoding="utf-8").splitlines()
+        done = {json.loads(line)["seed"] for line in lines}
+    broken = 0
+    for seed in range(first, first + tables):
+        if seed in done:
+            continue
+        spoilt, faults, ran = drive(seed, every=every)
+        row = {"seed": seed, "spoilt": spoilt, "faults": faults, "ran": dict(ran)}
+        with results.open("a", encoding="utf-8") as file:
+            file.write(f"{json.dumps(row, ensure_ascii=False)}\n")
+        broken += bool(faults)
+        for fault in faults:
+            print(f"seed {seed} ({spoilt}): {fault}", flush=True)
+    ran = Counter[str]()
+    rows = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+    for row in rows:
+        ran.update(row["ran"])
+    kept = sum(bool(row["faults"]) for row in rows)
+    print(f"{len(rows)} tables, {kept} with a fault; {ran.total()} commands: {dict(ran)}")
+    if broken:
+        raise typer.Exit(1)
+
+
+if __name__ == "__main__":
+    typer.run(main)

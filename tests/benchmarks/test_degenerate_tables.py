@@ -1,0 +1,163 @@
+"""The campaign of tables that no machine would record, in small; and what it drives."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings, strategies
+
+from benchmarks.degenerate_tables import (
+    JOBS,
+    SLOW_JOBS,
+    WITHOUT_LOG,
+    Driven,
+    Job,
+    disagreements,
+    drive,
+    inspected,
+    replayed,
+)
+from benchmarks.drawn_tables import DrawnTable, draw
+from replay.commands.cli import app
+from replay.commands.fleet import app as fleet_app
+from tests.replay.sledge import MACHINE, sledge
+
+#: Tables of the small campaign, some seconds each, and of the slow one.
+TABLES, MANY_TABLES = 4, 60
+
+
+@pytest.fixture(autouse=True)
+def whatever_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether loops are compiled already, and that is said, depends on the tests before."""
+    from replay.commands import progress
+
+    monkeypatch.setattr(progress, "LONG_S", float("inf"))
+
+
+def drawn(count: int) -> settings:
+    """So many examples; a smaller seed draws no smaller table."""
+    unlike = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
+    phases = [Phase.explicit, Phase.generate]
+    return settings(max_examples=count, phases=phases, suppress_health_check=unlike)
+
+
+@drawn(TABLES)
+@given(seed=strategies.integers(0, 10**9))
+def test_a_drawn_table_ends_no_command_in_a_traceback_or_a_warning(seed: int) -> None:
+    _, faults, ran = drive(seed)
+    assert not faults, "\n".join(faults)
+    assert ran["run"]
+
+
+@pytest.mark.slow
+@drawn(MANY_TABLES)
+@given(seed=strategies.integers(0, 10**9))
+def test_nor_do_many(seed: int) -> None:
+    _, faults, _ = drive(seed)
+    assert not faults, "\n".join(faults)
+
+
+def test_a_seed_draws_the_same_table_again(tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    one, other = (draw(5, tmp_path / folder) for folder in ("a", "b"))
+    assert one.log.read_bytes() == other.log.read_bytes()
+    assert one.machine.read_text() == other.machine.read_text()
+
+
+def commands() -> set[str]:
+    groups = {group.name for group in app.registered_groups}
+    assert groups == {"fleet"}
+    of_fleet = {f"fleet {each.name}" for each in fleet_app.registered_commands}
+    return {str(each.name) for each in app.registered_commands} | of_fleet
+
+
+@pytest.mark.parametrize(
+    ("jobs", "left_out"),
+    [
+        (JOBS, {name for name in commands() if name == "view" or name.startswith("fleet")}),
+        # a viewer and an engine are started
+        pytest.param((*JOBS, *SLOW_JOBS), set[str](), marks=pytest.mark.slow),
+    ],
+    ids=["quick", "all"],
+)
+def test_every_command_that_reads_a_log_or_what_was_made_of_one_is_driven(
+    tmp_path: Path, jobs: tuple[Job, ...], left_out: set[str]
+) -> None:
+    log, machine = tmp_path / "sledge.csv", tmp_path / "sledge.toml"
+    sledge().write_csv(log)
+    machine.write_text(MACHINE)
+    payscope = Driven(tmp_path)
+    table = DrawnTable(0, log, machine, "nothing")
+    inspected(table, payscope)
+    recording = replayed(table, payscope)
+    assert recording is not None
+    for job in jobs:
+        job(table, recording, payscope)
+    assert not payscope.faults, "\n".join(payscope.faults)
+    assert commands() - WITHOUT_LOG - left_out == set(payscope.ran)
+
+
+CASES = {
+    "a force of zero": sledge().with_columns(force_N=pl.lit(0.0)),
+    "no column that changes": sledge().with_columns(
+        force_N=pl.lit(1.0), speed_m_s=pl.lit(1.0), acc_m_s2=pl.lit(1.0)
+    ),
+    "a mass of 1e12 kg": sledge(mass_kg=1e12),
+    "a mass of 1e-12 kg": sledge().with_columns(force_N=1e-12 * pl.col("acc_m_s2")),
+    "starts of 0, 0 and 99 kg": sledge(seconds=30.0).with_columns(
+        force_N=pl.when(pl.col("time_s") < 20.0).then(0.0).otherwise(99.0) * pl.col("acc_m_s2")
+    ),
+    "a spike of 1e300": sledge().with_columns(
+        speed_m_s=pl.when(pl.int_range(pl.len()) == 700).then(1e300).otherwise("speed_m_s")
+    ),
+    "numbers that have no square": sledge().with_columns(force_N=pl.col("force_N") * 1e-310),
+    "one row": sledge().head(1),
+    "two rows": sledge().head(2),
+    "one stamp": sledge().with_columns(time_s=pl.lit(3.0)),
+    "a sample in a million seconds": sledge().with_columns(time_s=pl.col("time_s") * 1e8),
+    "one start": sledge(seconds=10.0),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_degenerate_table_is_weighed_or_refused_in_a_line(case: str, tmp_path: Path) -> None:
+    log, machine = tmp_path / "drawn.parquet", tmp_path / "drawn.toml"
+    CASES[case].write_parquet(log)
+    machine.write_text(MACHINE)
+    payscope = Driven(tmp_path)
+    replayed(DrawnTable(0, log, machine, case), payscope)
+    assert not payscope.faults, "\n".join(payscope.faults)
+    assert payscope.ran == Counter(run=payscope.ran["run"])
+
+
+def test_a_run_that_says_two_things_is_a_fault(tmp_path: Path) -> None:
+    log, machine = tmp_path / "sledge.csv", tmp_path / "sledge.toml"
+    sledge().write_csv(log)
+    machine.write_text(MACHINE)
+    payscope, recording = Driven(tmp_path), tmp_path / "sledge.rrd"
+    status, said = payscope.json("run", log, "-m", machine, "-o", recording)
+    _, text = payscope("run", log, "-m", machine)
+    assert list(disagreements(status, said, text, recording)) == []
+    assert list(disagreements(1, said, text, recording)) == [
+        "can_weigh is True, exit status 0 is False"
+    ]
+    said["loads"] = [{**load, "mass_kg": None} for load in said["loads"]]
+    assert list(disagreements(status, said, f"{text}no mass: ", recording)) == [
+        "can_weigh is True, a load with a mass is False",
+        "the text says 'no mass' beside 'can weigh'",
+    ]
+
+
+def test_what_python_would_print_is_a_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    payscope = Driven(tmp_path)
+    monkeypatch.setattr("benchmarks.degenerate_tables.payscope", lambda: np.float64(1.0) / 0.0)
+    payscope("run")
+    assert "RuntimeWarning: divide by zero" in payscope.faults[0]
+    monkeypatch.setattr("benchmarks.degenerate_tables.payscope", lambda: 1 / 0)
+    payscope("run")
+    assert "ZeroDivisionError" in payscope.faults[1]

@@ -1,0 +1,40 @@
+"""Whether there is a mass is one truth: text, JSON, exit status and recording say the same."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.degenerate_tables import Driven, disagreements
+from replay.commands import progress
+from tests.golden.golden import FOLDER, LOGS
+
+#: What is set beside a golden log, which may leave it without a mass.
+TOLD = {
+    "as it is": (),
+    "with a window that no manoeuvre fills": ("settings.gate.window_samples=100000",),
+    "with no mass known well enough": ("settings.verdict.relative_std_max=1e-9",),
+    "where no stretch is asked for": (
+        "settings.gate.window_samples=100000",
+        "settings.verdict.accepted_stretches_min=0",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", TOLD)
+@pytest.mark.parametrize("log", LOGS)
+def test_a_golden_log_is_weighed_or_not_by_text_json_exit_status_and_recording_alike(
+    log: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "LONG_S", float("inf"))
+    payscope, recording = Driven(tmp_path), tmp_path / "golden.rrd"
+    machine, overrides = LOGS[log]
+    words = ["run", FOLDER / log, "-m", machine]
+    for each in (*overrides, *TOLD[case]):
+        words += ["--set", each]
+    status, said = payscope.json(*words, "-o", recording)
+    _, text = payscope(*words)
+    assert not payscope.faults, "\n".join(payscope.faults)
+    assert list(disagreements(status, said, text, recording)) == []
+    if case != "as it is":
+        return
+    assert status == (0 if said["loads"][0]["mass_kg"] is not None else 1)
