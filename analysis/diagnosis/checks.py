@@ -18,11 +18,13 @@ from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.row import CheckRow
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.gate import accepted_samples
+from analysis.own_rate import FEWEST_READINGS
 from analysis.phases import beside_speed_rate
 from analysis.schema import build, values
+from analysis.weighing.equation import rows_in
 
-#: Fewer moving samples have no sign.
-_FEWEST_MOVING: Final = 100
+#: Less that moves has no sign, in s.
+_SHORTEST_MOVING_S: Final = 1.0
 
 
 def verdict(evidence: Evidence) -> pl.DataFrame:
@@ -64,7 +66,9 @@ def _partial_correlation(_: Evidence, motion: Motion) -> float:
 
 
 def _sign(evidence: Evidence, motion: Motion) -> float:
-    few = np.count_nonzero(motion.moving) < _FEWEST_MOVING
+    rate_hz = evidence.machine.settings.align.rate_hz
+    fewest = rows_in(_SHORTEST_MOVING_S, rate_hz, FEWEST_READINGS)
+    few = np.count_nonzero(motion.moving) < fewest
     return np.nan if few else _partial_correlation(evidence, motion)
 
 

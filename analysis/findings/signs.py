@@ -11,15 +11,18 @@ from analysis.findings.cause import Sign
 from analysis.findings.mending import anew, mended
 from analysis.findings.share_seen import share_seen
 from analysis.schema import values
-from analysis.weighing.equation import Equation
+from analysis.weighing.equation import Equation, rows_in
 
 #: A correlation beyond this has a sign.
 _SIGN: Final = 0.3
 #: So has a gain beyond so many of its deviations.
 _SURE_SIGN: Final = 8.0
-#: Of a force that has lost its sign, this share of so many decelerating samples opposes the motion,
+#: Of a force that has lost its sign, this share of the samples opposes the motion that decelerate
+#: for so long in all, in s,
 _UNSIGNED: Final = 0.1
-_BRAKES: Final = 30
+_BRAKES_S: Final = 0.3
+#: at any rate so many of them,
+_FEWEST_BRAKING: Final = 3
 #: and this share of its readings is below zero.
 _BELOW_0: Final = 0.002
 _BACKWARDS_M_S: Final = 0.05
@@ -129,8 +132,9 @@ def unsigned(case: Case) -> list[Sign]:
     straight = case.evidence.straight
     if not straight.known.any():
         return []
+    fewest = rows_in(_BRAKES_S, case.machine.settings.align.rate_hz, _FEWEST_BRAKING)
     backwards = float((straight.speed[straight.known] < -_BACKWARDS_M_S).mean()) > 0.05
-    brakes = np.count_nonzero(straight.braking) >= _BRAKES and opposing <= _UNSIGNED
+    brakes = np.count_nonzero(straight.braking) >= fewest and opposing <= _UNSIGNED
     if not _never_negative(case, name) or not (backwards or brakes):
         return []
     high = float(np.quantile(case.series[name][1], 0.99))
@@ -264,7 +268,8 @@ def _of_force(case: Case) -> list[Sign]:
     if fit is None:
         poor = not case.checks.get("relative_std", np.inf) < _SURE
     else:
-        poor = not fit.u_kg < _KNOWN * fit.mass_kg
+        # with all that is uncertain of it: a lag that is beyond its prior leaves any ratio
+        poor = not case.checks.get("relative_u", np.inf) < _KNOWN
     if not np.isfinite(ratio) or ratio <= 0.0 or poor or not names:
         return []
     near = min(_FORCE_UNITS, key=lambda times: abs(np.log(ratio / times)))

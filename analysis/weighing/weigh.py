@@ -35,6 +35,8 @@ _DISAGREES: Final = 3.0
 _DOUBTED: Final = 2.0
 #: And by this share of it.
 _MATTERS: Final = 0.005
+#: Fits of one log find one lag, within so many s: half of what its prior expects.
+_SAME_LAG_S: Final = 0.01
 #: A term in a·|a| shows at so many deviations, when it moves the mass by this share.
 _CURVED: Final = 6.0
 _COUNTS: Final = 0.01
@@ -203,7 +205,9 @@ def _weighed(
             alone = joint_fit(fitted, fit.states and fit.states.among(driving))
             # driving that its own model does not fit is no witness against braking
             beyond = max(alone.from_priors.values()) > settings.verdict.beyond_prior_max
-            if not beyond and not curvature(alone, columns, priors).shows:
+            # nor driving that finds another delay of the same force
+            lags_apart = abs(alone.lag_s - fit.lag_s) > _SAME_LAG_S
+            if not (beyond or lags_apart) and not curvature(alone, columns, priors).shows:
                 braking_kg = _apart_kg(fit, alone)
                 allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
