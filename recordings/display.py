@@ -282,6 +282,8 @@ def _decimated(run: Run, name: str, wanted: list[pl.Expr]) -> pl.DataFrame:
     span = span_ns(run)
     assert span is not None
     width_ns = min(max(-(-(span[1] - span[0]) // (_BINS * _NS)), 1), 10) * _NS
+    # narrower than the grid's step most bins were empty, and no line would be drawn
+    width_ns = max(width_ns, _period_ns(run))
     return binned(run.frames[name], wanted, span, width_ns)
 
 

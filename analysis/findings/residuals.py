@@ -43,7 +43,7 @@ class Spectra(NamedTuple):
 
 
 def spectra(case: Case) -> Spectra | None:
-    """Of f - m a - b v; None where there is too little of either."""
+    """Of f - m a - b v; None where there is too little of either, or nothing fast on the grid."""
     if "spectra" in case.kept:
         return case.kept["spectra"]  # type: ignore[return-value]
     case.kept["spectra"] = found = _spectra(case)
@@ -53,6 +53,8 @@ def spectra(case: Case) -> Spectra | None:
 def _spectra(case: Case) -> Spectra | None:
     fit, aligned, machine = case.fit, case.aligned, case.machine
     rate_hz = machine.settings.align.rate_hz
+    if rate_hz <= 2.0 * _FAST_HZ[0]:
+        return None
     straight = case.evidence.straight
     mass_kg, viscous = _mass_and_friction(case)
     lag = fit.lag_s if fit is not None and fit.shifted else 0.0
