@@ -42,9 +42,9 @@ def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[
         chosen["align.rate_hz"] = rate_hz
     if "window_samples" not in settings.gate.model_fields_set:
         readings = math.ceil(FEWEST_READINGS * rate_hz / own_hz)
-        chosen["gate.window_samples"] = max(round(_WINDOW_S * rate_hz), readings)
+        chosen["gate.window_samples"] = rows_in(_WINDOW_S, rate_hz, readings)
     if "samples" not in settings.smooth.model_fields_set:
-        chosen["smooth.samples"] = max(round(_MEAN_S * rate_hz), 1)
+        chosen["smooth.samples"] = rows_in(_MEAN_S, rate_hz)
     differs = any(settings.value(name) != value for name, value in chosen.items())
     settings = settings.changed(chosen)
     said = f"{slowest} comes at {own_hz:.4g} Hz, so without a setting " + ", ".join(
@@ -57,6 +57,11 @@ def at_own_rate(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[
         for name in chosen
     )
     return machine.model_copy(update={"settings": settings}), [said] if differs else []
+
+
+def rows_in(seconds: float, rate_hz: float, least: int = 1) -> int:
+    """How many rows of the grid stand for so long."""
+    return max(round(seconds * rate_hz), least)
 
 
 def _slowest(read: Mapping[str, mounting.Series], machine: Machine) -> tuple[str, float]:

@@ -240,7 +240,7 @@ def disagreements(status: int, said: dict[str, Any], text: str, recording: Path)
         yield "a method has a mass that is withheld"
 
 
-def shown(_: DrawnTable, recording: Path, payscope: Driven) -> None:
+def show(_: DrawnTable, recording: Path, payscope: Driven) -> None:
     """`show`: the stages, and each of them in one of its formats."""
     status, text = payscope("show", recording, "--format", "json")
     for number, stage in enumerate(json.loads(text) if status == 0 else []):
@@ -313,7 +313,7 @@ def calibrated(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
 
 #: What is done with a recording besides showing it, in turn.
 JOBS: Final[tuple[Job, ...]] = (
-    shown,
+    show,
     plotted,
     explained,
     compared,

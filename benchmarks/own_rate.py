@@ -225,7 +225,7 @@ def weighed(table: pl.DataFrame, machine: Machine) -> Weight:
     return Weight(open=True, mass_kg=loads[0]["mass_kg"], u_kg=loads[0]["u_kg"])
 
 
-def drawn(rng: np.random.Generator) -> dict[str, float]:
+def draw_nuisances(rng: np.random.Generator) -> dict[str, float]:
     """Every nuisance of a car from its prior, at the settings' widths.
 
     Its force is that of all wheels, which no transfer of load changes.
@@ -262,7 +262,7 @@ def measured(path: Path, seeds: int, cars: int, minutes: float) -> dict[str, dic
             continue
         if time.monotonic() > until:
             break
-        nuisance = drawn(np.random.default_rng([seed, 7])) if name == "drawn" else {}
+        nuisance = draw_nuisances(np.random.default_rng([seed, 7])) if name == "drawn" else {}
         table = logged(cell, seed, nuisance)
         kept[key] = {"cell": str(cell)} | {
             how: asdict(weighed(table, machine_of(cell, stated=how == "stated")))

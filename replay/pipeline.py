@@ -113,6 +113,7 @@ def run(
     placed = _Placed.of(raw, machine)
     machine, chosen = at_own_rate(placed.read, machine)  # what no setting gives
     seen = _judged(raw, placed, machine, on_stage)
+    del placed  # of a shift it is half a gigabyte
     weighing, opinion, excitation = seen.weighing, seen.opinion, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _causes(seen, raw, machine)

@@ -18,10 +18,9 @@ from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.row import CheckRow
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.gate import accepted_samples
-from analysis.own_rate import FEWEST_READINGS
+from analysis.own_rate import FEWEST_READINGS, rows_in
 from analysis.phases import beside_speed_rate
 from analysis.schema import build, values
-from analysis.weighing.equation import rows_in
 
 #: Less that moves has no sign, in s.
 _SHORTEST_MOVING_S: Final = 1.0

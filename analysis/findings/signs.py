@@ -10,8 +10,9 @@ from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
 from analysis.findings.mending import anew, mended
 from analysis.findings.share_seen import share_seen
+from analysis.own_rate import rows_in
 from analysis.schema import values
-from analysis.weighing.equation import Equation, rows_in
+from analysis.weighing.equation import Equation
 
 #: A correlation beyond this has a sign.
 _SIGN: Final = 0.3

@@ -6,6 +6,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from analysis.own_rate import rows_in
 from analysis.weighing.equation import (
     Bools,
     Equation,
@@ -15,7 +16,6 @@ from analysis.weighing.equation import (
     begins,
     ends,
     ground_speed,
-    rows_in,
 )
 from analysis.weighing.nuisances import Moments, Nuisance
 from analysis.weighing.route import Route

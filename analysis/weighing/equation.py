@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.forces import longitudinal_force, regressor_acceleration
 from analysis.gate import accepted_samples, braking_within_sight
 from analysis.machine import Machine
+from analysis.own_rate import rows_in
 from analysis.phases import stopping
 from analysis.schema import values
 from analysis.segments import manoeuvres
@@ -297,11 +298,6 @@ def equation(
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
     )
-
-
-def rows_in(seconds: float, rate_hz: float, least: int = 1) -> int:
-    """How many rows of the grid stand for so long."""
-    return max(round(seconds * rate_hz), least)
 
 
 @compiled

@@ -104,10 +104,10 @@ def _along(begin_m: float, end_m: float) -> Callable[[Moments], Floats]:
 
 
 @compiled
-def _ramp(travelled_m: Floats, begin_m: float, end_m: float) -> Floats:
-    out = np.empty(travelled_m.size)
+def _ramp(place: Floats, begin: float, end: float) -> Floats:
+    out = np.empty(place.size)
     for k in range(out.size):
-        out[k] = min(max((travelled_m[k] - begin_m) / (end_m - begin_m), 0.0), 1.0)
+        out[k] = min(max((place[k] - begin) / (end - begin), 0.0), 1.0)
     return out
 
 
@@ -123,8 +123,13 @@ def _one_way(column: Floats, direction: Floats, sign: float) -> Floats:
 
 def _changes(over_m: float) -> Callable[[Equation, PriorSettings], float]:
     """Standard deviation of the change over a length of way: a random walk."""
-    share = float(np.sqrt(over_m / _CHANGES_OVER_M))
+    share = _walked(over_m)
     return lambda motion, priors: priors.ground_change_share * share * motion.weight
+
+
+def _walked(over_m: float) -> float:
+    """What a random walk changes by over a length of way, over what it does over ten metres."""
+    return float(np.sqrt(over_m / _CHANGES_OVER_M))
 
 
 def _of_route(part: int) -> Nuisance:
@@ -132,8 +137,7 @@ def _of_route(part: int) -> Nuisance:
     begin, end = part / _ROUTE_PARTS, (part + 1) / _ROUTE_PARTS
 
     def column(m: Moments) -> Floats:
-        over_m = m.haul_m / _ROUTE_PARTS
-        changes = _ramp(m.route_1, begin, end) * np.sqrt(over_m / _CHANGES_OVER_M)
+        changes = _ramp(m.route_1, begin, end) * _walked(m.haul_m / _ROUTE_PARTS)
         return m.direction * (1.0 + m.relative_load) * changes
 
     return Nuisance(

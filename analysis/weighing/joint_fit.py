@@ -5,6 +5,7 @@ from typing import Final, Self
 
 import numpy as np
 
+from analysis.own_rate import rows_in
 from analysis.settings import PriorSettings
 from analysis.weighing.averages import (
     Averages,
@@ -21,7 +22,6 @@ from analysis.weighing.equation import (
     Ints,
     KeptNoise,
     NoiseOfColumns,
-    rows_in,
 )
 from analysis.weighing.fit_task import FitTask
 from analysis.weighing.ground import FEWEST, GROUND

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from analysis.weighing.equation import Equation, Floats, Ints, begins, ends, rows_in
+from analysis.own_rate import rows_in
+from analysis.weighing.equation import Equation, Floats, Ints, begins, ends
 from estimators.changepoints import Partitions, partitions
 from estimators.levels import Levels
 from estimators.partition_posterior import Partition

@@ -9,11 +9,11 @@ import polars as pl
 
 from analysis.column_noise import ColumnNoise
 from analysis.machine import Machine
-from analysis.own_rate import FEWEST_READINGS
+from analysis.own_rate import FEWEST_READINGS, rows_in
 from analysis.regressor import X
 from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import Averages
-from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation, rows_in
+from analysis.weighing.equation import Equation, Floats, NoiseOfColumns, equation
 from analysis.weighing.growth import Filling, Growth, filling, growing
 from analysis.weighing.joint_fit import (
     Fitted,
@@ -44,9 +44,9 @@ _COUNTS: Final = 0.01
 _LONG: Final = 20
 #: Rounds of the fit that tells what a calibration's means have wrong: terms are products.
 _TOLD_ROUNDS: Final = 2
-#: Less is not fitted, in s and in samples: as many as a window has at least,
+#: Less is not fitted, in s; of a slow log nothing of fewer samples than a window has at least.
 _SHORTEST_S: Final = 1.0
-#: and that is why there is no answer.
+#: Why a log of which nothing is fitted has no answer.
 NOTHING_FITTED: Final = "no manoeuvre of this log was informative enough"
 
 

@@ -36,14 +36,14 @@ def whatever_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "LONG_S", float("inf"))
 
 
-def drawn(count: int) -> settings:
+def examples(count: int) -> settings:
     """So many examples; a smaller seed draws no smaller table."""
     unlike = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
     phases = [Phase.explicit, Phase.generate]
     return settings(max_examples=count, phases=phases, suppress_health_check=unlike)
 
 
-@drawn(TABLES)
+@examples(TABLES)
 @given(seed=strategies.integers(0, 10**9))
 def test_a_drawn_table_ends_no_command_in_a_traceback_or_a_warning(seed: int) -> None:
     _, faults, ran = drive(seed)
@@ -52,7 +52,7 @@ def test_a_drawn_table_ends_no_command_in_a_traceback_or_a_warning(seed: int) ->
 
 
 @pytest.mark.slow
-@drawn(MANY_TABLES)
+@examples(MANY_TABLES)
 @given(seed=strategies.integers(0, 10**9))
 def test_nor_do_many(seed: int) -> None:
     _, faults, _ = drive(seed)
