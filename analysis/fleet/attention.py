@@ -128,6 +128,9 @@ def _of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
     change = pl.col("mass_change_kg").round(0).cast(pl.Int64, strict=False).cast(pl.String)
     return (
         findings.filter((pl.col("rank") == 1) & (pl.col("severity") != "tell"))
+        # Polars 2.1 panics where text is chosen by row in a frame with empty chunks
+        .collect()
+        .rechunk()
         .select(
             "key",
             pl.when(pl.col("severity") == "withhold").then(20.0).otherwise(6.0).alias("weight"),
@@ -137,5 +140,4 @@ def _of_findings(findings: pl.LazyFrame) -> pl.DataFrame:
             .alias("why"),
             (pl.col("start_t_ns") / _NS).alias("at_s"),
         )
-        .collect()
     )

@@ -1,6 +1,5 @@
 """The noise of every column from the log, where it is known."""
 
-import time
 
 import numpy as np
 import polars as pl
@@ -127,16 +126,3 @@ def test_without_a_log_settings_that_name_all_of_an_axis_are_its_noise():
     known = ColumnNoise.of(X, None, whole)
     assert known is not None
     np.testing.assert_allclose(known.covariance(MEAN), np.diag(STD**2) / MEAN)
-
-
-def test_an_hour_takes_a_tenth_of_a_second():
-    log = noisy_log("white", 1, starts=20)
-    times = -(-360_000 // log.aligned.height)
-    aligned = pl.concat([log.aligned] * times)
-    excitation = pl.concat([log.excitation] * times)
-    took = []
-    for _ in range(5):
-        begun = time.process_time()
-        channel_noise(aligned, excitation, make_machine())
-        took.append(time.process_time() - begun)
-    assert min(took) < 0.1

@@ -7,6 +7,7 @@ import pytest
 from analysis.schema import (
     CHANNEL_COLUMNS,
     FRAMES,
+    NOISE_SOURCES,
     PHASES,
     QUALITIES,
     REASONS,
@@ -93,7 +94,7 @@ def test_a_name_says_the_dtype():
         "phase": pl.Enum(PHASES),
         "quality": pl.Enum(QUALITIES),
         "axis": pl.Enum(["x", "z"]),
-        "source": pl.Enum(["standstill", "differences", "setting"]),
+        "source": pl.Enum(NOISE_SOURCES),
     }
     for frame, column in COLUMNS:
         if (frame, column.name) in AS_TEXT:
