@@ -16,12 +16,12 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from analysis.gate import refused
 from analysis.machine import Machine
 from analysis.phases import span_rows
 from analysis.regressor import X, regressor
-from analysis.schema import REASON, build
+from analysis.schema import build
 from analysis.settings import Settings
-from analysis.windows import windows_with
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -183,14 +183,7 @@ def without_digging(
         return gated
     # the phase sees a start late, and its end
     dug = _dug(excitation["t_ns"].to_numpy(), digs, span_rows(machine.settings))
-    refused = pl.Series(windows_with(dug, machine.settings.gate.window_samples))
-    accepted = pl.col("accepted_x")
-    reason = (
-        pl.when(refused & accepted)
-        .then(pl.lit("digging"))
-        .otherwise(pl.col("reason_x").cast(pl.String))
-    )
-    return gated.with_columns(accepted_x=accepted & ~refused, reason_x=reason.cast(REASON))
+    return refused(gated, dug, "digging", machine.settings)
 
 
 def with_digs(aligned: pl.DataFrame, digs: pl.DataFrame) -> pl.DataFrame:

@@ -119,6 +119,23 @@ def accepted_samples(
     return used & ~braking_within_sight(_braking(axis, excitation, settings), settings)
 
 
+def refused(gated: pl.DataFrame, rows: Bools, why: str, settings: Settings) -> pl.DataFrame:
+    """The gate with the accepted windows of straight motion refused that hold one of these rows.
+
+    Args:
+        gated: which windows are accepted.
+        rows: (rows,) flags.
+        why: the reason.
+        settings: the window.
+    """
+    held = pl.Series(windows_with(rows, settings.gate.window_samples))
+    accepted = pl.col("accepted_x")
+    reason = (
+        pl.when(held & accepted).then(pl.lit(why)).otherwise(pl.col("reason_x").cast(pl.String))
+    )
+    return gated.with_columns(accepted_x=accepted & ~held, reason_x=reason.cast(REASON))
+
+
 def settled_windows(
     excitation: pl.DataFrame, gated: pl.DataFrame, settings: Settings, axis: Axis = X
 ) -> Bools:

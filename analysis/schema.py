@@ -30,6 +30,7 @@ REASONS: Final = (
     "ill_conditioned",
     "noise_limited",
     "digging",
+    "frozen",
 )
 AXES: Final = ("x", "z")
 #: What noise is estimated from: standstill; fast changes of the grid, of the channels' own samples;

@@ -370,7 +370,9 @@ class VerdictLimits(BaseModel):
         3.5, gt=0, description="largest distance of a term from its prior's mean over its width"
     )
     wheels_max: float = Field(
-        30.0, gt=0, description="largest disagreement of wheels and accelerometer over their noise"
+        0.02,
+        gt=0,
+        description="largest disagreement of wheels and accelerometer, as a share of the speed",
     )
     scatter_max: float = Field(
         4.0, gt=1, description="largest deviation of the starts over what their noise explains"

@@ -14,7 +14,7 @@ from analysis.check import Verdict
 from analysis.cycles.cycles import cycles
 from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
-from analysis.diagnosis import Evidence, disagreements, signals, verdict
+from analysis.diagnosis import Evidence, disagreements, signals, verdict, without_named
 from analysis.digging import digging, with_digs, without_digging
 from analysis.findings import Case, beginning, behind, findings
 from analysis.forces import forces
@@ -41,7 +41,7 @@ from replay.readers import Log
 #: What `on_stage` is told, in order.
 STAGES: Final = (
     *("read", "derive", "align", "smooth", "forces"),
-    *("noise", "gate", "segments", "weigh", "trace", "verdict", "findings", "planar", "cycles"),
+    *("noise", "gate", "weigh", "segments", "trace", "verdict", "findings", "planar", "cycles"),
 )
 
 
@@ -182,10 +182,18 @@ def _judged(
     gated = gate(excitation, settings, noise)
     digs = digging(excitation, machine)  # what pushes back is no mass
     gated = without_digging(gated, excitation, digs, machine)
+    on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
+    seen = signals(raw, read)
+    told = without_named(  # nor is what repeats itself, if the answer is the same without it
+        seen,
+        (with_digs(aligned, digs), t0_unix_ns),
+        gated,
+        machine,
+        lambda grid: weigh(grid, excitation, gated, noise, machine),
+    )
+    weighing, gated = told.weighing, told.gated
     on_stage("segments")  # pooled over each manoeuvre
     table = segments(excitation, gated, settings, noise)
-    on_stage("weigh")  # load states, and the joint fit: their masses, nuisances under priors
-    weighing = weigh(with_digs(aligned, digs), excitation, gated, noise, machine)
     on_stage("trace")  # the estimators over the accepted windows; recursions load by load
     estimates = trace(excitation, gated, settings, noise, changes(weighing))
     on_stage("verdict")  # what the ungated log, and that fit, say of all this
@@ -195,9 +203,10 @@ def _judged(
         gated,
         machine,
         weighing,
-        signals(raw, read),
+        seen,
         everything,
         t0_unix_ns,
+        told.named,
     )
     judged = verdict(evidence)
     opinion = Verdict.of(judged)

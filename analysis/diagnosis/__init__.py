@@ -3,6 +3,7 @@
 from analysis.diagnosis.checks import CHECKS, verdict
 from analysis.diagnosis.disagreement import disagreements
 from analysis.diagnosis.evidence import Evidence
+from analysis.diagnosis.left_out import without_named
 from analysis.diagnosis.signals import signals
 
-__all__ = ["CHECKS", "Evidence", "disagreements", "signals", "verdict"]
+__all__ = ["CHECKS", "Evidence", "disagreements", "signals", "verdict", "without_named"]

@@ -46,7 +46,7 @@ def verdict(evidence: Evidence) -> pl.DataFrame:
             "minimum": numbers([limits[row.minimum] if row.minimum else None for row, _ in judged]),
             "maximum": numbers([limits[row.maximum] if row.maximum else None for row, _ in judged]),
             "meaning": [row.text(evidence, motion) for row, motion in judged],
-            "consequence": [row.consequence for row, _ in judged],
+            "consequence": [row.leads_to(evidence, motion) for row, motion in judged],
             "remedy": [row.remedy for row, _ in judged],
         }
     )

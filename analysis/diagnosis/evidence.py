@@ -1,6 +1,7 @@
 """What the checks look at: the ungated samples of straight motion and of spins."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis import fit_quality
+from analysis.diagnosis.left_out import LeftOut
 from analysis.diagnosis.signals import Signals
 from analysis.machine import Machine
 from analysis.phases import yaw_pace
@@ -70,6 +72,7 @@ class Evidence:
         signals: the channels as measured; None where only frames are at hand.
         totals: `masses`, nothing withheld.
         t0_unix_ns: when the first row is.
+        left_out: what checks name, and what the answer is without it, by check.
     """
 
     excitation: pl.DataFrame
@@ -79,6 +82,7 @@ class Evidence:
     signals: Signals | None = None
     totals: pl.DataFrame | None = None
     t0_unix_ns: int = 0
+    left_out: Mapping[str, LeftOut] = field(default_factory=dict[str, LeftOut])
 
     def has(self, *columns: str) -> bool:
         """Whether the log has all of these columns."""

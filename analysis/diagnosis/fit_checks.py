@@ -11,6 +11,7 @@ from analysis.diagnosis.row import CheckRow
 from analysis.schema import values
 from analysis.weighing.budget import relative_u
 from analysis.weighing.kinematics import Kinematics
+from analysis.weighing.other_motion import disagreement
 from analysis.weighing.weigh import NOTHING_FITTED, Weighing
 
 
@@ -71,6 +72,21 @@ def _braking(weighing: Weighing) -> float:
 def _scatter(weighing: Weighing) -> float:
     states = weighing.fit.states
     return np.nan if states is None else states.birge_ratio
+
+
+def _moved_by_other(evidence: Evidence, _: Motion) -> float | None:
+    weighing = evidence.weighing
+    other = None if weighing is None else weighing.other_motion
+    return None if other is None else other.moved_u
+
+
+def _by_other_motion(evidence: Evidence, _: Motion) -> str:
+    weighing = evidence.weighing
+    if weighing is None or weighing.other_motion is None:
+        return ""
+    one = "wheels" if weighing.fit.motion.by_accelerometer else "accelerometer"
+    other = weighing.other_motion
+    return f"by the {one} alone the mass moves by {other.kg:+.0f} kg, {other.moved_u:.1f} u"
 
 
 def _contradicted(evidence: Evidence, _: Motion) -> float:
@@ -186,10 +202,12 @@ FIT_CHECKS: Final = (
     CheckRow(
         "wheels",
         "mass",
-        _of_wheels(lambda wheels: wheels.mismatch),
-        "what wheels and accelerometer do not agree about, over the noise of the speed",
+        _of_fit(lambda weighing: disagreement(weighing.fit)),
+        "what wheels and accelerometer do not agree about, beyond noise, as a share of the speed",
         maximum="wheels_max",
         applies=_has_wheels,
+        names=_by_other_motion,
+        moved_u=_moved_by_other,
         remedy="channels.speed_x_m_s and channels.specific_force_x_m_s2: one machine, one time",
     ),
     CheckRow(

@@ -5,10 +5,15 @@ from dataclasses import dataclass
 
 from analysis.check import About, Consequence
 from analysis.diagnosis.evidence import Evidence, Motion
+from analysis.diagnosis.left_out import MOVES_U
 
 
 def _always(_: Evidence, __: Motion) -> bool:
     return True
+
+
+def _unasked(_: Evidence, __: Motion) -> None:
+    return None
 
 
 def _nothing(_: Evidence, __: Motion) -> str:
@@ -29,7 +34,9 @@ class CheckRow:
         optional: whether it does not apply where it has no number.
         meaning: what the number says, in a sentence.
         names: names what the number is of, where that differs from log to log; else "".
-        consequence: of failing.
+        consequence: of failing,
+        moved_u: where what the check names was left out or replaced: how far that moves the answer,
+            in standard uncertainties. Up to one, failing withholds nothing and is told.
         remedy: the setting or change that would mend it.
     """
 
@@ -43,9 +50,15 @@ class CheckRow:
     optional: bool = False
     names: Callable[[Evidence, Motion], str] = _nothing
     consequence: Consequence = "withhold"
+    moved_u: Callable[[Evidence, Motion], float | None] = _unasked
     remedy: str = ""
 
     def text(self, evidence: Evidence, motion: Motion) -> str:
         """The meaning, and what the number is of."""
         name = self.names(evidence, motion)
         return f"{self.meaning} ({name})" if name else self.meaning
+
+    def leads_to(self, evidence: Evidence, motion: Motion) -> Consequence:
+        """What failing leads to in this log: in proportion to what the check names changes."""
+        moved_u = self.moved_u(evidence, motion)
+        return "tell" if moved_u is not None and moved_u <= MOVES_U else self.consequence

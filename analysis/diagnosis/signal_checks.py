@@ -1,5 +1,6 @@
 """Checks of the signals as they were measured, before any low-pass."""
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -37,6 +38,26 @@ def _apart_s(evidence: Evidence, _: Motion) -> float:
     return np.nan if evidence.signals is None else evidence.signals.apart_s
 
 
+def _moved_u(check: str) -> Callable[[Evidence, Motion], float | None]:
+    """How far the answer moves without what this check names."""
+
+    def of(evidence: Evidence, _: Motion) -> float | None:
+        found = evidence.left_out.get(check)
+        return None if found is None else found.moved_u
+
+    return of
+
+
+def _became(check: str) -> Callable[[Evidence, Motion], str]:
+    """What became of what this check names."""
+
+    def of(evidence: Evidence, _: Motion) -> str:
+        found = evidence.left_out.get(check)
+        return "" if found is None else found.text
+
+    return of
+
+
 SIGNAL_CHECKS: Final = (
     CheckRow(
         "raw_opposing_share",
@@ -54,15 +75,19 @@ SIGNAL_CHECKS: Final = (
         "seconds for which a channel repeats itself while another one changes",
         maximum="frozen_max_s",
         applies=_has_signals,
+        names=_became("frozen"),
+        moved_u=_moved_u("frozen"),
         remedy="leave the stretch out, or mend the sensor",
     ),
     CheckRow(
         "clipped",
         "mass",
         lambda evidence, _: np.nan if evidence.signals is None else evidence.signals.clipped_share,
-        "share of a force channel's readings that pile up at its extreme",
+        "share of a force channel's readings at a limit: the sensor's, or the engine's",
         maximum="clipped_max",
         applies=_has_signals,
+        names=_became("clipped"),
+        moved_u=_moved_u("clipped"),
         remedy="settings.gate.saturation_force_N: the force where the sensor clips",
     ),
     CheckRow(

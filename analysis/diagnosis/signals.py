@@ -1,9 +1,10 @@
 """The channels as they were measured, before any filter: signs, frozen and clipped readings."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -14,17 +15,34 @@ from analysis.clocks import RelativeDrift, clock_drifts, relative_drift
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Series = tuple[Ints, Floats]
+Spans = list[tuple[int, int]]
 
 #: What may freeze or clip.
 _FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
 _MOTION: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s", "specific_force_x_m_s2")
 #: A reading that repeats for longer is frozen, if another channel changes meanwhile
 _FROZEN_S: Final = 0.3
+#: and so many readings, or a slow channel is frozen where two are alike,
+_FEWEST_RUN: Final = 5
 #: by this share of its range.
 _CHANGES: Final = 0.15
 #: Clipped readings pile up: so many times the next value's number, and at least so many.
 _PILE: Final = 4
 _LEAST_PILE: Final = 20
+#: Runs that come back to one value so often have met a limit: a sensor freezes where it happens to.
+_COMES_BACK: Final = 3
+#: Few readings are beyond a limit: not more than this share of them.
+_BEYOND: Final = 0.1
+#: Runs of fewer readings at a limit are noise that reaches it, and say what the noise leaves.
+_FEWEST_AT_LIMIT: Final = 5
+
+
+class _Run(NamedTuple):
+    """Readings that repeat one value: when, in unix ns, and which."""
+
+    begin_ns: int
+    end_ns: int
+    value: float
 
 
 @dataclass(frozen=True)
@@ -49,10 +67,35 @@ class Signals:
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
     @cached_property
-    def frozen(self) -> dict[str, list[tuple[int, int]]]:
-        """By force or motion channel: where it repeats itself while another one changes, in ns."""
+    def _repeated(self) -> dict[str, list[_Run]]:
+        """By force or motion channel: where it repeats itself while another one changes."""
         looked = {n: s for n, s in self.channels.items() if n in (*_FORCES, *_MOTION)}
-        return {name: _frozen(name, looked) for name in looked}
+        return {name: _repeated(name, looked) for name in looked}
+
+    @cached_property
+    def limits(self) -> dict[str, dict[float, float]]:
+        """By force channel: the values that it ends at, and the share of its readings at each.
+
+        Readings pile up at an extreme, or come back to one value for long, again and again: there a
+        sensor clips, or an engine gives no more.
+        """
+        return {
+            name: {**_piles(x), **_levels(self._repeated[name], x)}
+            for name, (_, x) in self.channels.items()
+            if name in _FORCES
+        }
+
+    @cached_property
+    def frozen(self) -> dict[str, Spans]:
+        """By force or motion channel: where it is frozen, in ns; at a limit it is not."""
+        return {
+            name: [
+                (run.begin_ns, run.end_ns)
+                for run in runs
+                if run.value not in self.limits.get(name, {})
+            ]
+            for name, runs in self._repeated.items()
+        }
 
     @property
     def frozen_s(self) -> float:
@@ -62,12 +105,25 @@ class Signals:
 
     @cached_property
     def clipped(self) -> dict[str, tuple[float, float]]:
-        """By force channel: the share of its readings that pile up at an extreme, and which."""
-        return {name: _clipped(x) for name, (_, x) in self.channels.items() if name in _FORCES}
+        """By force channel: the largest share of its readings at one limit, and which."""
+        nothing = (0.0, float("nan"))
+        return {
+            name: max(((share, at) for at, share in found.items()), default=nothing)
+            for name, found in self.limits.items()
+        }
+
+    @cached_property
+    def at_limit(self) -> dict[str, Spans]:
+        """By force channel: where it stays at a limit, in ns."""
+        return {
+            name: _spans_at(list(found), *self.channels[name])
+            for name, found in self.limits.items()
+            if found
+        }
 
     @property
     def clipped_share(self) -> float:
-        """The largest share of a force channel's readings that pile up at its extreme."""
+        """The largest share of a force channel's readings that are at its limit."""
         return max((share for share, _ in self.clipped.values()), default=0.0)
 
     def force_on(self, unix_ns: Ints) -> Floats | None:
@@ -94,13 +150,18 @@ def _at(t_ns: Ints, x: Floats, at_ns: Ints) -> Floats:
     return np.interp((at_ns - origin).astype(float), (t_ns - origin).astype(float), x)
 
 
-def _frozen(name: str, channels: Mapping[str, Series]) -> list[tuple[int, int]]:
+def _runs(x: Floats) -> tuple[Ints, Ints]:
+    """First and last reading of each run of equal ones."""
+    first = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
+    return first, np.append(first[1:], x.size) - 1
+
+
+def _repeated(name: str, channels: Mapping[str, Series]) -> list[_Run]:
     t, x = channels[name]
-    edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
-    ends = np.append(edges[1:], x.size) - 1
-    long = (t[ends] - t[edges]) > _FROZEN_S * 1e9
+    first, last = _runs(x)
+    long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
     # a machine that stands has no speed, one that coasts no force
-    long &= (x[edges] != 0.0) | (name == "specific_force_x_m_s2")
+    long &= (x[first] != 0.0) | (name == "specific_force_x_m_s2")
     if not long.any():
         return []
     others = [
@@ -108,9 +169,10 @@ def _frozen(name: str, channels: Mapping[str, Series]) -> list[tuple[int, int]]:
         for key, series in channels.items()
         if key != name
     ]
+    runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
     return [
-        (int(begin), int(end))
-        for begin, end in zip(t[edges[long]], t[ends[long]], strict=True)
+        _Run(int(begin), int(end), float(value))
+        for begin, end, value in runs
         if any(_changes(*other, begin, end) for other in others)
     ]
 
@@ -124,13 +186,29 @@ def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bo
     return abs(float(part[:half].mean() - part[half:].mean())) > least > 0.0
 
 
-def _clipped(x: Floats) -> tuple[float, float]:
+def _piles(x: Floats) -> dict[float, float]:
+    """The extremes that readings pile up at, and the share of the readings at each."""
     values, counts = np.unique(x, return_counts=True)
     if values.size < 10:
-        return 0.0, float("nan")
-    piles = [
-        (int(counts[end]) / x.size, float(values[end]))
+        return {}
+    return {
+        float(values[end]): int(counts[end]) / x.size
         for end, next_one in ((0, 1), (-1, -2))
         if counts[end] >= max(_LEAST_PILE, _PILE * counts[next_one]) and values[end] != 0.0
-    ]
-    return max(piles, default=(0.0, float("nan")))
+    }
+
+
+def _levels(runs: list[_Run], x: Floats) -> dict[float, float]:
+    """Likewise the values that long runs come back to, and few readings are beyond."""
+    often = Counter(run.value for run in runs)
+    return {
+        value: float((x == value).mean())
+        for value, times in often.items()
+        if times >= _COMES_BACK and (np.abs(x) > abs(value)).mean() <= _BEYOND
+    }
+
+
+def _spans_at(limits: list[float], t: Ints, x: Floats) -> Spans:
+    first, last = _runs(x)
+    stays = np.isin(x[first], limits) & (last - first >= _FEWEST_AT_LIMIT - 1)
+    return [(int(b), int(e)) for b, e in zip(t[first[stays]], t[last[stays]], strict=True)]

@@ -244,7 +244,8 @@ def equation(
     """Take the columns of the manoeuvres that the gate found informative.
 
     Args:
-        aligned: the grid, before the moving mean, with `digs` where that was looked for.
+        aligned: the grid, before the moving mean, with `digs` where that was looked for, and
+            `left_out`, rows that say nothing, where there are any.
         excitation: the phases of motion.
         gated: which windows are accepted.
         machine: wheels, settings.
@@ -271,7 +272,8 @@ def equation(
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in(_CLEAR_S, settings.align.rate_hz)
-    near_gap = windows_with(~known, clear) | windows_with(~known[::-1], clear)[::-1]
+    silent = ~known | left_out_rows(aligned)
+    near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
     group = _runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     measured = _column(aligned, "specific_force_x_m_s2", known)
     pitch = _column(aligned, "pitch_rad", known)
@@ -298,6 +300,13 @@ def equation(
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
     )
+
+
+def left_out_rows(aligned: pl.DataFrame) -> Bools:
+    """Which rows of the grid say nothing, (n,)."""
+    if "left_out" not in aligned.columns:
+        return np.zeros(aligned.height, np.bool_)
+    return aligned["left_out"].to_numpy()
 
 
 @compiled

@@ -73,6 +73,7 @@ class Kinematics:
         covariance: (3, 3) of slip, gain (with its prior) and delay: what is taken for one is
             not taken for another.
         mismatch: residuals over the speed's noise; above 3 slip and delay are not taken from here.
+        disagreement_m_s: what the speed's noise does not explain of them, r.m.s.
         prior_std: (3,) of slip, gain and delay.
         mean_u: (3,) likewise, standard uncertainty of what a calibration learnt; else 0.
         squat: share of the acceleration that the pitch adds to the accelerometer, value and
@@ -87,6 +88,7 @@ class Kinematics:
     gain_counts: bool
     covariance: Floats
     mismatch: float
+    disagreement_m_s: float
     prior_std: Floats
     mean_u: Floats
     squat: tuple[float, float] = (0.0, 0.0)
@@ -218,7 +220,8 @@ def _compared(
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     free = wide.fit
-    mismatch = free.residual_rms / float(np.sqrt(noise.covariance(MEAN)[1, 1]))
+    noise_m_s = float(np.sqrt(noise.covariance(MEAN)[1, 1]))
+    mismatch = free.residual_rms / noise_m_s
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0
     counts = bool(abs(free.theta[0]) > max(_LEAST_GAIN, times * free.std[0]))
@@ -239,6 +242,7 @@ def _compared(
         gain_counts=counts,
         covariance=covariance[np.ix_([1, 0, 2], [1, 0, 2])],
         mismatch=mismatch,
+        disagreement_m_s=float(np.sqrt(max(free.residual_rms**2 - noise_m_s**2, 0.0))),
         prior_std=std[[1, 0, 2]],
         mean_u=np.zeros(len(TERMS)),
     )

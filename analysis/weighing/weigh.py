@@ -28,6 +28,7 @@ from analysis.weighing.joint_fit import (
 from analysis.weighing.joint_result import JointFit
 from analysis.weighing.kinematics import TERMS
 from analysis.weighing.nuisances import CURVATURE, FILLING
+from analysis.weighing.other_motion import OtherMotion, by_other_motion, disagreement
 
 #: Braking is left out when it moves the mass by so many standard uncertainties.
 _DISAGREES: Final = 3.0
@@ -85,6 +86,8 @@ class Weighing:
         curvature: what a term in a·|a| finds.
         filling: what a load that grows at every start alike explains, by this log itself.
         growing: the manoeuvres whose load changes while they drive; they are not fitted.
+        other_motion: what the other motion would do to the mass, where wheels and accelerometer
+            disagree by more than the settings allow.
         alone: the same fit without what a calibration learnt; None where that is the answer.
         informed: the same with learnt priors as wide as their means are uncertain, likewise.
         learnt: the priors that a calibration learnt.
@@ -99,6 +102,7 @@ class Weighing:
     curvature: Curvature
     filling: Filling
     growing: tuple[Growth, ...]
+    other_motion: OtherMotion | None = None
     alone: JointFit | None = None
     informed: JointFit | None = None
     learnt: Mapping[str, LearntTerm] = field(default_factory=dict[str, LearntTerm])
@@ -147,7 +151,7 @@ def weigh(
     """Fit the manoeuvres that the gate found informative; None where there are too few samples.
 
     Args:
-        aligned: the grid, before the moving mean.
+        aligned: the grid, before the moving mean, with `left_out` where rows of it say nothing.
         excitation: the phases of motion.
         gated: which windows are accepted.
         noise: of the columns.
@@ -208,7 +212,7 @@ def _weighed(
             # nor driving that finds another delay of the same force
             lags_apart = abs(alone.lag_s - fit.lag_s) > _SAME_LAG_S
             if not (beyond or lags_apart) and not curvature(alone, columns, priors).shows:
-                braking_kg = _apart_kg(fit, alone)
+                braking_kg = apart_kg(fit, alone)
                 allowed = _DISAGREES * float(np.hypot(fit.u_kg, alone.u_kg))
                 left_out = abs(braking_kg) > max(allowed, _MATTERS * abs(alone.mass_kg))
                 if left_out:
@@ -236,6 +240,9 @@ def _weighed(
         curvature(fit, columns, priors, rows),
         filling(own, columns, own_priors, rows if own is fit else None),
         grown,
+        by_other_motion(fit, columns, priors)
+        if disagreement(fit) > settings.verdict.wheels_max
+        else None,
         alone,
         None
         if alone is None
@@ -282,7 +289,7 @@ def informed_priors(priors: PriorSettings) -> PriorSettings:
     return priors.model_copy(update={"learnt": learnt})
 
 
-def _apart_kg(one: JointFit, other: JointFit) -> float:
+def apart_kg(one: JointFit, other: JointFit) -> float:
     """How far two fits' masses of the same manoeuvres are apart, in their mean."""
     mine, theirs = one.states, other.states
     if mine is None or theirs is None:
