@@ -1,0 +1,141 @@
+"""Stretches that a check names, left out of the fit, and what that moves the answer by.
+
+A sensor that freezes for a second of a day, or an engine that gives no more than it can, is no
+reason to say nothing: what is named is left out. Where the answer then is another one, nobody knows
+what else is wrong with that channel, and there is none.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from analysis.diagnosis.signals import Signals, Spans
+from analysis.gate import refused
+from analysis.machine import Machine
+from analysis.phases import span_rows
+from analysis.weighing.equation import Bools
+from analysis.weighing.weigh import Weighing, apart_kg
+
+#: So many standard uncertainties of the answer without a stretch are no other answer.
+MOVES_U: Final = 1.0
+#: A low-pass smears a reading over so many periods of its cut-off either way.
+_SMEARS: Final = 1.0
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What a check names, and the answer without it.
+
+    Attributes:
+        rows: (n,) of the grid.
+        fitted_s: how much of it the fit had.
+        kg: by how much the mass moves without it; NaN where nothing is left to weigh by.
+        moved_u: the same in standard uncertainties of the answer without it, its size; infinite
+            where nothing is left.
+    """
+
+    rows: Bools
+    fitted_s: float
+    kg: float
+    moved_u: float
+
+    @property
+    def is_harmless(self) -> bool:
+        """Whether the answer without it is the answer."""
+        return self.moved_u <= MOVES_U
+
+    @property
+    def text(self) -> str:
+        """What became of it, in words."""
+        if not self.fitted_s:
+            return "none of it is in what is weighed"
+        part = f"{self.fitted_s:.1f} s of it in what is weighed"
+        if self.is_harmless:
+            return f"{part}, left out: that moves the mass by {self.moved_u:.1f} u"
+        if not np.isfinite(self.moved_u):
+            return f"{part}: without that nothing is left"
+        return f"{part}: without that the mass moves by {self.moved_u:.1f} u"
+
+
+@dataclass(frozen=True)
+class WithoutThem:
+    """The answer without what checks name, as far as that is harmless.
+
+    Attributes:
+        weighing: the joint fit.
+        gated: the gate, with windows refused that hold what is left out.
+        named: by check.
+    """
+
+    weighing: Weighing | None
+    gated: pl.DataFrame
+    named: Mapping[str, LeftOut]
+
+
+def without_named(
+    signals: Signals,
+    grid: tuple[pl.DataFrame, int],
+    gated: pl.DataFrame,
+    machine: Machine,
+    weighed: Callable[[pl.DataFrame], Weighing | None],
+) -> WithoutThem:
+    """Weigh, and once more without what each check of the readings names, if it names anything.
+
+    Args:
+        signals: the channels as measured.
+        grid: `aligned`, and when its first row is, in unix ns.
+        gated: which windows are accepted.
+        machine: settings.
+        weighed: the joint fit of a grid, some of whose rows may be left out.
+    """
+    aligned, t0_unix_ns = grid
+    weighing = weighed(aligned)
+    rows = np.zeros(aligned.height, np.bool_)
+    named: dict[str, LeftOut] = {}
+    for check, spans, why in (
+        ("frozen", signals.frozen, "frozen"),
+        ("clipped", signals.at_limit, "saturated"),
+    ):
+        held = _held(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
+        if not held.any() or weighing is None:
+            continue
+        fitted = int(np.count_nonzero(held & weighing.fit.motion.used))
+        found = LeftOut(held, fitted / machine.settings.align.rate_hz, 0.0, 0.0)
+        if fitted:
+            without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
+            found = _compared(found, weighing, without)
+            weighing = without if found.is_harmless else weighing
+        named[check] = found
+        if found.is_harmless:
+            rows |= held
+            # the moving mean and the phase look back
+            after = np.flatnonzero(held)[:, None] + np.arange(_looks_back(machine))
+            seen = np.zeros_like(held)
+            seen[np.minimum(after, held.size - 1)] = True
+            gated = refused(gated, seen, why, machine.settings)
+    return WithoutThem(weighing, gated, named)
+
+
+def _compared(named: LeftOut, whole: Weighing, without: Weighing | None) -> LeftOut:
+    if without is None:
+        return replace(named, kg=np.nan, moved_u=np.inf)
+    kg = apart_kg(without.fit, whole.fit)
+    moved_u = abs(kg) / without.fit.u_kg
+    return replace(named, kg=kg, moved_u=moved_u if np.isfinite(moved_u) else np.inf)
+
+
+def _looks_back(machine: Machine) -> int:
+    return span_rows(machine.settings) + machine.settings.smooth.samples
+
+
+def _held(spans: Mapping[str, Spans], unix_ns: np.ndarray, machine: Machine) -> Bools:
+    """The rows of the grid that a stretch of any channel reaches, (n,)."""
+    reach_ns = int(_SMEARS / machine.settings.filter.cutoff_hz * 1e9)
+    held = np.zeros(unix_ns.size, np.bool_)
+    for begin, end in (span for each in spans.values() for span in each):
+        first, last = np.searchsorted(unix_ns, [begin - reach_ns, end + reach_ns])
+        held[first:last] = True
+    return held
