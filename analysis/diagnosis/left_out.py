@@ -102,7 +102,7 @@ def without_named(
         held = _held(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
-        fitted = int(np.count_nonzero(held & weighing.fit.motion.used))
+        fitted = int(np.count_nonzero(held & _in_what_is_weighed(weighing)))
         found = LeftOut(held, fitted / machine.settings.align.rate_hz, 0.0, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
@@ -117,6 +117,12 @@ def without_named(
             seen[np.minimum(after, held.size - 1)] = True
             gated = refused(gated, seen, why, machine.settings)
     return WithoutThem(weighing, gated, named)
+
+
+def _in_what_is_weighed(weighing: Weighing) -> Bools:
+    """The samples of the fit, and of manoeuvres whose load would seem to change, (n,)."""
+    motion = weighing.fit.motion
+    return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
 def _compared(named: LeftOut, whole: Weighing, without: Weighing | None) -> LeftOut:

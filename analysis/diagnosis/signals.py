@@ -22,10 +22,12 @@ _FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
 _MOTION: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s", "specific_force_x_m_s2")
 #: A reading that repeats for longer is frozen, if another channel changes meanwhile
 _FROZEN_S: Final = 0.3
-#: and so many readings, or a slow channel is frozen where two are alike,
-_FEWEST_RUN: Final = 5
 #: by this share of its range.
 _CHANGES: Final = 0.15
+#: Of a slow channel, two readings that are alike are no run: in so many readings at least.
+_FEWEST_RUN: Final = 5
+#: A channel that else repeats no more than this share of its readings has noise that shows.
+_USUAL: Final = 0.02
 #: Clipped readings pile up: so many times the next value's number, and at least so many.
 _PILE: Final = 4
 _LEAST_PILE: Final = 20
@@ -37,7 +39,7 @@ _BEYOND: Final = 0.1
 _FEWEST_AT_LIMIT: Final = 5
 
 
-class _Run(NamedTuple):
+class Run(NamedTuple):
     """Readings that repeat one value: when, in unix ns, and which."""
 
     begin_ns: int
@@ -67,7 +69,7 @@ class Signals:
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
     @cached_property
-    def _repeated(self) -> dict[str, list[_Run]]:
+    def _repeated(self) -> dict[str, list[Run]]:
         """By force or motion channel: where it repeats itself while another one changes."""
         looked = {n: s for n, s in self.channels.items() if n in (*_FORCES, *_MOTION)}
         return {name: _repeated(name, looked) for name in looked}
@@ -156,25 +158,32 @@ def _runs(x: Floats) -> tuple[Ints, Ints]:
     return first, np.append(first[1:], x.size) - 1
 
 
-def _repeated(name: str, channels: Mapping[str, Series]) -> list[_Run]:
-    t, x = channels[name]
+def long_runs(x: Floats, t: Ints) -> tuple[list[Run], bool]:
+    """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
     first, last = _runs(x)
     long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
+    runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
+    never = int((last - first)[~long].sum()) <= _USUAL * x.size
+    return [Run(int(begin), int(end), float(value)) for begin, end, value in runs], never
+
+
+def _repeated(name: str, channels: Mapping[str, Series]) -> list[Run]:
+    t, x = channels[name]
+    runs, never = long_runs(x, t)
     # a machine that stands has no speed, one that coasts no force
-    long &= (x[first] != 0.0) | (name == "specific_force_x_m_s2")
-    if not long.any():
+    runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
+    if not runs:
         return []
     others = [
         (*series, _CHANGES * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
         if key != name
     ]
-    runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
-    return [
-        _Run(int(begin), int(end), float(value))
-        for begin, end, value in runs
-        if any(_changes(*other, begin, end) for other in others)
+    surely = [
+        run for run in runs if any(_changes(*each, run.begin_ns, run.end_ns) for each in others)
     ]
+    # what froze there, and has noise elsewhere, froze wherever it repeats itself
+    return runs if surely and never else surely
 
 
 def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:
@@ -198,7 +207,7 @@ def _piles(x: Floats) -> dict[float, float]:
     }
 
 
-def _levels(runs: list[_Run], x: Floats) -> dict[float, float]:
+def _levels(runs: list[Run], x: Floats) -> dict[float, float]:
     """Likewise the values that long runs come back to, and few readings are beyond."""
     often = Counter(run.value for run in runs)
     return {

@@ -32,6 +32,8 @@ class Sign:
         value: proposed for it, as TOML.
         change: of the mass; None where it is not known.
         alternatives: causes that this log cannot tell it from.
+        harmless: whether what is named was left out, and the answer is the same without it; None
+            where nobody has looked.
     """
 
     strength: float
@@ -42,6 +44,7 @@ class Sign:
     value: str | None = None
     change: Callable[[], Change | None] | None = None
     alternatives: tuple[str, ...] = ()
+    harmless: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)

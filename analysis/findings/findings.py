@@ -60,7 +60,7 @@ def _row(rank: int, cause: Cause, sign: Sign, case: Case) -> dict[str, object]:
     return {
         "rank": rank,
         "cause": cause.key,
-        "severity": _severity(cause, change, case),
+        "severity": _severity(cause, sign, change, case),
         "channel": sign.channel,
         "start_t_ns": start,
         "end_t_ns": end,
@@ -74,7 +74,9 @@ def _row(rank: int, cause: Cause, sign: Sign, case: Case) -> dict[str, object]:
     }
 
 
-def _severity(cause: Cause, change: Change | None, case: Case) -> str:
+def _severity(cause: Cause, sign: Sign, change: Change | None, case: Case) -> str:
+    if sign.harmless:
+        return "tell"
     if cause.withholds:
         return "withhold"
     if change is None or case.fit is None:

@@ -6,7 +6,8 @@ from typing import Final
 import numpy as np
 
 from analysis.diagnosis.evidence import Bools
-from analysis.diagnosis.signals import Floats, Ints
+from analysis.diagnosis.left_out import LeftOut
+from analysis.diagnosis.signals import Floats, Ints, long_runs
 from analysis.filters import period_ns
 from analysis.findings.case import ACC, FORCES, Case
 from analysis.findings.cause import Change, Sign
@@ -15,9 +16,6 @@ from analysis.windows import windows_with
 
 #: A channel that repeats itself for so long, all in all, counts.
 _FROZEN_S: Final = 0.3
-#: Readings of a run at least, and the share that may repeat the one before elsewhere.
-_FEWEST_RUN: Final = 5
-_USUAL: Final = 0.02
 #: Share of the readings that pile up at an extreme.
 _CLIPPED: Final = 0.001
 #: Share of moving readings that repeat the one before: noise is below the resolution.
@@ -50,10 +48,9 @@ def frozen(case: Case) -> list[Sign]:
         return []
     # a coarse channel repeats itself while the machine moves steadily
     of_channel = {
-        name: inside
+        name: spans
         for name in case.needed
-        if not _coarse(case, name)
-        and (inside := _inside(case, name, signals.frozen.get(name) or _runs(case, name)))
+        if not _coarse(case, name) and (spans := signals.frozen.get(name) or _noiseless(case, name))
     }
     if not of_channel:
         return []
@@ -64,44 +61,35 @@ def frozen(case: Case) -> list[Sign]:
     t = case.aligned["t_ns"].to_numpy() + case.evidence.t0_unix_ns
     for begin, end in (span for spans in of_channel.values() for span in spans):
         holds |= (t >= begin) & (t <= end)
+    found = case.evidence.left_out.get("frozen")
     return [
         Sign(
             total_s[name] / _FROZEN_S,
             f"it repeats one reading {len(spans)} times, {total_s[name]:.1f} s in all, while "
-            "others change",
+            f"others change{_became(found)}",
             channel=name,
             span_ns=case.since_start(*spans[0]),
             change=lambda: left_out(case, holds),
+            harmless=_harmless(case, found),
         )
     ]
 
 
-def _runs(case: Case, name: str) -> list[tuple[int, int]]:
+def _became(found: LeftOut | None) -> str:
+    return "" if found is None else f"; {found.text}"
+
+
+def _harmless(case: Case, found: LeftOut | None) -> bool | None:
+    """Whether the answer is the same without it, or there is none; None where nobody has looked."""
+    return None if found is None or case.fit is None else found.is_harmless
+
+
+def _noiseless(case: Case, name: str) -> list[tuple[int, int]]:
     """Where a channel that otherwise never repeats a reading does so for long."""
-    t, x = case.series[name]
-    edges = np.flatnonzero(np.append(True, np.diff(x) != 0.0))
-    ends = np.append(edges[1:], x.size) - 1
-    long = ((t[ends] - t[edges]) > _FROZEN_S * 1e9) & (ends - edges >= _FEWEST_RUN)
-    if not long.any():
-        return []
-    usual = (ends - edges)[~long]
-    if usual.sum() > _USUAL * x.size:
-        return []
-    return [
-        (int(t[begin]), int(t[end])) for begin, end in zip(edges[long], ends[long], strict=True)
-    ]
-
-
-def _inside(case: Case, name: str, spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The spans that do not repeat the extreme of a channel that clips."""
     signals = case.evidence.signals
-    share, extreme = (0.0, np.nan) if signals is None else signals.clipped.get(name, (0.0, np.nan))
-    if not share:
-        return spans
-    t, x = case.series[name]
-    return [
-        span for span in spans if abs(abs(x[np.searchsorted(t, span[0])]) - abs(extreme)) > 1e-9
-    ]
+    limits = {} if signals is None else signals.limits.get(name, {})
+    runs, never = long_runs(case.series[name][1], case.series[name][0])
+    return [(run.begin_ns, run.end_ns) for run in runs if never and run.value not in limits]
 
 
 def saturated(case: Case) -> list[Sign]:
@@ -115,6 +103,7 @@ def saturated(case: Case) -> list[Sign]:
         return []
     at = case.force_per(name) * abs(extreme)
     count = sum(1 for each, _ in signals.clipped.values() if each > 0.0)
+    found = case.evidence.left_out.get("clipped")
     limit_N = 0.98 * at * max(count, 1)
 
     def cut() -> Change | None:
@@ -126,11 +115,12 @@ def saturated(case: Case) -> list[Sign]:
     return [
         Sign(
             share / _CLIPPED,
-            f"{share:.1%} of its readings are {extreme:.4g}, its extreme",
+            f"{share:.1%} of its readings are {extreme:.4g}, a limit{_became(found)}",
             channel=name,
             setting="settings.gate.saturation_force_N",
             value=f"{limit_N:.1f}",
             change=cut,
+            harmless=_harmless(case, found),
         )
     ]
 
