@@ -60,11 +60,18 @@ def why_nothing_was_accepted(
         if longest_s < window_s:
             return (
                 f"the longest stretch without {what} is {longest_s:.2f} s, "
-                f"the window {window_s:.2f} s"
+                f"the window {window_s:.2f} s{_remedy(what)}"
             )
     reasons = gated["reason_x"].cast(pl.String)
     counts = reasons.filter(reasons != "warming_up").value_counts(sort=True)
-    return f"no window was accepted, most often for: {counts['reason_x'][0]}"
+    often = counts["reason_x"][0]
+    return f"no window was accepted, most often for: {often}{_remedy(often)}"
+
+
+def _remedy(what: str) -> str:
+    if what != "braking":
+        return ""
+    return "; where the force sees the brakes, settings.gate.exclude_braking = false"
 
 
 def _longest_run(good: pl.Series) -> int:

@@ -9,8 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from analysis.clocks import RelativeDrift, clock_drifts, relative_drift
+from analysis.filters import period_ns
+from analysis.windows import runs_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,8 +38,10 @@ _LEAST_PILE: Final = 20
 _COMES_BACK: Final = 3
 #: Few readings are beyond a limit: not more than this share of them.
 _BEYOND: Final = 0.1
-#: Runs of fewer readings at a limit are noise that reaches it, and say what the noise leaves.
-_FEWEST_AT_LIMIT: Final = 5
+#: Where it is at a limit, such a share of the readings within so long is. Fewer are noise that
+#: reaches it: cut off, they take 0.08 of the noise's deviation off the mean, a half of them 0.4.
+_NEAR_S: Final = 0.5
+_AT_LIMIT: Final = 0.15
 
 
 class Run(NamedTuple):
@@ -218,6 +223,7 @@ def _levels(runs: list[Run], x: Floats) -> dict[float, float]:
 
 
 def _spans_at(limits: list[float], t: Ints, x: Floats) -> Spans:
-    first, last = _runs(x)
-    stays = np.isin(x[first], limits) & (last - first >= _FEWEST_AT_LIMIT - 1)
-    return [(int(b), int(e)) for b, e in zip(t[first[stays]], t[last[stays]], strict=True)]
+    near = max(round(_NEAR_S * 1e9 / period_ns(t)), _FEWEST_RUN)
+    at = np.isin(x, limits).astype(np.float64)
+    first, last = runs_of(uniform_filter1d(at, near, mode="nearest") >= _AT_LIMIT)
+    return [(int(b), int(e)) for b, e in zip(t[first], t[last], strict=True)]

@@ -29,7 +29,7 @@ _LEAST_SHARE: Final = 0.002
 #: Nor the share of the force that is measured to less, by m/s².
 _LEAST_CHANGE: Final = 0.01
 #: An answer whose standard uncertainty is this share of it has too little to go by.
-_POOR: Final = 0.06
+POOR: Final = 0.06
 #: Share of the mass that priors alone leave open where regressors go together.
 _OPEN: Final = 0.06
 #: Of the empty machine's weight: what resists by less is no pile.
@@ -247,17 +247,24 @@ def _one_load(case: Case) -> list[Sign]:
     ]
 
 
-def too_little(case: Case) -> list[Sign]:
-    """No accepted stretch, or an answer that is hardly one."""
+def share_of_u(case: Case) -> float:
+    """The answer's standard uncertainty as a share of it; infinite where there is none."""
     weighing = case.evidence.weighing
     if weighing is None:
-        stretches = case.checks.get("accepted_stretches", 0.0)
-        return [Sign(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
+        return float("inf")
     parts = weighing.fit.parts_kg(weighing.fit.weights(weighing.fit.main))
     # a gain is another cause, and no start would tell it better
     u_kg = float(np.linalg.norm([part for name, part in parts.items() if name != "gain"]))
-    share = u_kg / abs(weighing.fit.mass_kg)
-    return [Sign(share / _POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
+    return u_kg / abs(weighing.fit.mass_kg)
+
+
+def too_little(case: Case) -> list[Sign]:
+    """No accepted stretch, or an answer that is hardly one."""
+    if case.evidence.weighing is None:
+        stretches = case.checks.get("accepted_stretches", 0.0)
+        return [Sign(2.0, f"{stretches:.0f} stretches were accepted: there is nothing to fit")]
+    share = share_of_u(case)
+    return [Sign(share / POOR, f"the answer's standard uncertainty is {share:.1%} of it")]
 
 
 def collinear(case: Case) -> list[Sign]:

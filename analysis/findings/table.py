@@ -3,6 +3,7 @@
 from typing import Final
 
 from analysis.findings import (
+    brakes_seen,
     growth,
     imu,
     model,
@@ -190,6 +191,13 @@ CAUSES: Final = (
         "settings.gate.exclude_braking = false",
         model.braking,
         explains=("driveline", "coulomb", "load_changed_inside"),
+    ),
+    Cause(
+        "braking_left_out",
+        "braking is left out, and the force sees it",
+        "drives and brakes that tell a mass each",
+        brakes_seen.seen,
+        explains=("too_little_excitation", "collinear"),
     ),
     Cause(
         "external_force",

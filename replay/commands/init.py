@@ -27,7 +27,7 @@ def command(
     from recordings.output import check_output, keep_apart, whole_file
     from replay.commands.options import time_axis_of
     from replay.guess import draft_machine_file
-    from replay.guess_priors import prior_lines
+    from replay.guess_replayed import BRAKING, replayed_lines
     from replay.readers import open_log
 
     if (log is None) == (campaign is None):
@@ -45,8 +45,8 @@ def command(
         with open_log(log, time=axis) as opened:
             keep_apart(output, opened.files)
             text, missing = draft_machine_file(opened, axis)
-            if not missing:
-                text += "\n".join(["", *prior_lines(opened, text)])
+            found = BRAKING if missing else replayed_lines(opened, text)
+            text += "\n".join(["", *found])
         lacking = [f"still missing: {sentence}" for sentence in missing]
     with whole_file(output, force=force) as partial:
         partial.write_text(text, encoding="utf-8")
