@@ -30,7 +30,6 @@ REASONS: Final = (
     "ill_conditioned",
     "noise_limited",
     "digging",
-    "frozen",
 )
 AXES: Final = ("x", "z")
 #: What noise is estimated from: standstill; fast changes of the grid, of the channels' own samples;

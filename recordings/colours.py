@@ -41,7 +41,6 @@ STATES: Final[dict[str, str]] = {
     "ill_conditioned": "#a0522d",
     "noise_limited": "#00838f",
     "digging": "#8d6e63",
-    "frozen": "#4a69bd",
     "good": _GOOD,
     "weak": "#b38600",
     "not dumped": _QUIET,

@@ -5,7 +5,7 @@ reason to say nothing: what is named is left out. Where the answer then is anoth
 what else is wrong with that channel, and there is none.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,8 +16,10 @@ from analysis.diagnosis.signals import Signals, Spans
 from analysis.gate import refused
 from analysis.machine import Machine
 from analysis.phases import span_rows
+from analysis.settings import VerdictSettings
 from analysis.weighing.equation import Bools
 from analysis.weighing.weigh import Weighing, apart_kg
+from analysis.windows import windows_with
 
 #: So many standard uncertainties of the answer without a stretch are no other answer.
 MOVES_U: Final = 1.0
@@ -95,10 +97,7 @@ def without_named(
     weighing = weighed(aligned)
     rows = np.zeros(aligned.height, np.bool_)
     named: dict[str, LeftOut] = {}
-    for check, spans, why in (
-        ("frozen", signals.frozen, "frozen"),
-        ("clipped", signals.at_limit, "saturated"),
-    ):
+    for check, spans, why in _named(signals, machine.settings.verdict):
         held = _held(spans, aligned["t_ns"].to_numpy() + t0_unix_ns, machine)
         if not held.any() or weighing is None:
             continue
@@ -112,11 +111,19 @@ def without_named(
         if found.is_harmless:
             rows |= held
             # the moving mean and the phase look back
-            after = np.flatnonzero(held)[:, None] + np.arange(_looks_back(machine))
-            seen = np.zeros_like(held)
-            seen[np.minimum(after, held.size - 1)] = True
+            seen = windows_with(held, _looks_back(machine))
             gated = refused(gated, seen, why, machine.settings)
     return WithoutThem(weighing, gated, named)
+
+
+def _named(
+    signals: Signals, limits: VerdictSettings
+) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
+    """Each check that fails, where its stretches are, and why the gate refuses them."""
+    if signals.frozen_s > limits.frozen_max_s:
+        yield "frozen", signals.frozen, "gap"  # what is frozen was not measured
+    if signals.clipped_share > limits.clipped_max:
+        yield "clipped", signals.at_limit, "saturated"
 
 
 def _in_what_is_weighed(weighing: Weighing) -> Bools:

@@ -44,7 +44,7 @@ _NEAR_S: Final = 0.5
 _AT_LIMIT: Final = 0.15
 
 
-class Run(NamedTuple):
+class Repetition(NamedTuple):
     """Readings that repeat one value: when, in unix ns, and which."""
 
     begin_ns: int
@@ -74,7 +74,7 @@ class Signals:
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
     @cached_property
-    def _repeated(self) -> dict[str, list[Run]]:
+    def _repeated(self) -> dict[str, list[Repetition]]:
         """By force or motion channel: where it repeats itself while another one changes."""
         looked = {n: s for n, s in self.channels.items() if n in (*_FORCES, *_MOTION)}
         return {name: _repeated(name, looked) for name in looked}
@@ -163,16 +163,16 @@ def _runs(x: Floats) -> tuple[Ints, Ints]:
     return first, np.append(first[1:], x.size) - 1
 
 
-def long_runs(x: Floats, t: Ints) -> tuple[list[Run], bool]:
+def long_runs(x: Floats, t: Ints) -> tuple[list[Repetition], bool]:
     """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
     first, last = _runs(x)
     long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
     runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
     never = int((last - first)[~long].sum()) <= _USUAL * x.size
-    return [Run(int(begin), int(end), float(value)) for begin, end, value in runs], never
+    return [Repetition(int(begin), int(end), float(value)) for begin, end, value in runs], never
 
 
-def _repeated(name: str, channels: Mapping[str, Series]) -> list[Run]:
+def _repeated(name: str, channels: Mapping[str, Series]) -> list[Repetition]:
     t, x = channels[name]
     runs, never = long_runs(x, t)
     # a machine that stands has no speed, one that coasts no force
@@ -212,7 +212,7 @@ def _piles(x: Floats) -> dict[float, float]:
     }
 
 
-def _levels(runs: list[Run], x: Floats) -> dict[float, float]:
+def _levels(runs: list[Repetition], x: Floats) -> dict[float, float]:
     """Likewise the values that long runs come back to, and few readings are beyond."""
     often = Counter(run.value for run in runs)
     return {
