@@ -16,7 +16,7 @@ from analysis.diagnosis.signals import Signals, Spans
 from analysis.gate import refused
 from analysis.machine import Machine
 from analysis.phases import span_rows
-from analysis.settings import VerdictSettings
+from analysis.settings import VerdictLimits
 from analysis.weighing.equation import Bools
 from analysis.weighing.weigh import Weighing, apart_kg
 from analysis.windows import windows_with
@@ -117,7 +117,7 @@ def without_named(
 
 
 def _named(
-    signals: Signals, limits: VerdictSettings
+    signals: Signals, limits: VerdictLimits
 ) -> Iterator[tuple[str, Mapping[str, Spans], str]]:
     """Each check that fails, where its stretches are, and why the gate refuses them."""
     if signals.frozen_s > limits.frozen_max_s:
