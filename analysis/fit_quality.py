@@ -10,6 +10,8 @@ Bools = NDArray[np.bool_]
 
 #: Fewer samples than parameters times this decide nothing.
 ENOUGH = 10
+#: Noise is taken off what varies down to this share of it: a variance is not known better.
+_LEAST_TOLD = 0.1
 
 
 def enough(A: Floats, moving: Bools) -> bool:
@@ -44,13 +46,22 @@ def along_share(speed: Floats, f: Floats, of: Bools) -> float:
     return float((speed[of] * f[of] >= 0).mean()) if of.any() else float("nan")
 
 
-def slope(x: Floats, y: Floats, used: Bools) -> float:
-    """Slope of y on x, both about their means, over the samples that are known."""
+def slope(x: Floats, y: Floats, used: Bools, x_noise: float = 0.0) -> float:
+    """Slope of y on x, both about their means, over the samples that are known.
+
+    Args:
+        x: (n,).
+        y: (n,).
+        used: which samples.
+        x_noise: variance of x by noise alone, which would take a share off the slope.
+    """
     used = used & np.isfinite(x) & np.isfinite(y)
     if used.sum() < ENOUGH:
         return float("nan")
     x, y = x[used] - x[used].mean(), y[used] - y[used].mean()
-    return float(x @ y / (x @ x)) if x.any() else float("nan")
+    squares = float(x @ x)
+    told = max(squares - x_noise * x.size, _LEAST_TOLD * squares)
+    return float(x @ y) / told if told else float("nan")
 
 
 def centre_offset(

@@ -206,6 +206,7 @@ def _judged(
         seen,
         everything,
         t0_unix_ns,
+        noise,
         told.named,
     )
     judged = verdict(evidence)

@@ -13,13 +13,15 @@ import polars as pl
 
 from analysis import fit_quality
 from analysis.check import About
+from analysis.column_noise import ColumnNoise
 from analysis.diagnosis.evidence import Evidence, Motion
 from analysis.diagnosis.fit_checks import FIT_CHECKS
 from analysis.diagnosis.row import CheckRow
 from analysis.diagnosis.signal_checks import SIGNAL_CHECKS
 from analysis.gate import accepted_samples
 from analysis.own_rate import FEWEST_READINGS, rows_in
-from analysis.phases import beside_speed_rate
+from analysis.phases import beside_speed_rate, span_rows
+from analysis.regressor import X
 from analysis.schema import build, values
 
 #: Less that moves has no sign, in s.
@@ -93,7 +95,19 @@ def _acceleration_gain(evidence: Evidence, motion: Motion) -> float:
     used = motion.known & evidence.is_phase("accelerating", "cruising", "braking")
     measured = values(evidence.excitation, "specific_force_x_m_s2")
     imu = beside_speed_rate(measured, evidence.machine.settings)
-    return fit_quality.slope(values(evidence.excitation, "speed_rate_x_m_s2"), imu, used)
+    rate = values(evidence.excitation, "speed_rate_x_m_s2")
+    return fit_quality.slope(rate, imu, used, _rate_noise(evidence))
+
+
+def _rate_noise(evidence: Evidence) -> float:
+    """Variance of the wheels' acceleration by the noise of their speed, in m²/s⁴."""
+    settings = evidence.machine.settings
+    known = None if evidence.noise is None else ColumnNoise.of(X, evidence.noise, settings.noise)
+    if known is None:
+        return 0.0
+    # both ends of its span are moving means
+    of_mean = float(known.covariance(settings.smooth.samples)[1, 1])
+    return 2.0 * of_mean * (settings.align.rate_hz / span_rows(settings)) ** 2
 
 
 def _accepted_stretches(evidence: Evidence, _: Motion) -> float:

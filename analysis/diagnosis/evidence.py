@@ -72,6 +72,7 @@ class Evidence:
         signals: the channels as measured; None where only frames are at hand.
         totals: `masses`, nothing withheld.
         t0_unix_ns: when the first row is.
+        noise: of the columns; None where it is not known.
         left_out: what checks name, and what the answer is without it, by check.
     """
 
@@ -82,6 +83,7 @@ class Evidence:
     signals: Signals | None = None
     totals: pl.DataFrame | None = None
     t0_unix_ns: int = 0
+    noise: pl.DataFrame | None = None
     left_out: Mapping[str, LeftOut] = field(default_factory=dict[str, LeftOut])
 
     def has(self, *columns: str) -> bool:

@@ -25,12 +25,13 @@ _FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
 _MOTION: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s", "specific_force_x_m_s2")
 #: A reading that repeats for longer is frozen, if another channel changes meanwhile
 _FROZEN_S: Final = 0.3
-#: by this share of its range.
+#: by this share of its range; of a channel whose noise shows, less tells,
 _CHANGES: Final = 0.15
+_CHANGES_BESIDE_NOISE: Final = 0.05
+#: and noise shows in one that else repeats no more than this share of its readings.
+_USUAL: Final = 0.02
 #: Of a slow channel, two readings that are alike are no run: in so many readings at least.
 _FEWEST_RUN: Final = 5
-#: A channel that else repeats no more than this share of its readings has noise that shows.
-_USUAL: Final = 0.02
 #: Clipped readings pile up: so many times the next value's number, and at least so many.
 _PILE: Final = 4
 _LEAST_PILE: Final = 20
@@ -179,8 +180,9 @@ def _repeated(name: str, channels: Mapping[str, Series]) -> list[Repetition]:
     runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
     if not runs:
         return []
+    changes = _CHANGES_BESIDE_NOISE if never else _CHANGES
     others = [
-        (*series, _CHANGES * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
+        (*series, changes * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
         if key != name
     ]

@@ -157,10 +157,7 @@ class TestInit:
         said = payscope("init", data / name, "-o", made)
         assert said.status == 0
         assert said.err == ""
-        said = payscope(
-            "run", data / name, "-m", made, "--json",
-            "--set", "settings.gate.exclude_braking=false",
-        )  # fmt: skip
+        said = payscope("run", data / name, "-m", made, "--json")
         assert json.loads(said.out)["mass_kg"]["joint"] == pytest.approx(95.11, rel=0.02)
 
     def test_whatever_a_log_calls_its_joints_the_file_is_toml(
