@@ -363,6 +363,14 @@ FAULTS: Final = (
         largest=10.0,
     ),
     Fault(
+        "braking left out",
+        ("braking_left_out",),
+        "starts of a second that end in it",
+        lambda _, __: {"campaign": {"start_s": 1.0, "cruise_s": 0.1, "standstill_s": 0.5}},
+        needs={"campaign": {"brake_measured_share": 1.0, "braking_m_s2": 1.0}},
+        has_size=False,
+    ),
+    Fault(
         "a pile",
         ("external_force",),
         "28 % of the throttle",

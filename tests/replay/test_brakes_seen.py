@@ -1,4 +1,4 @@
-"""A slide that is always about to brake: whether its force sees the brakes, and what is proposed."""
+"""A slide that is always about to brake: does its force see the brakes, and what is proposed."""
 
 import json
 import tomllib
