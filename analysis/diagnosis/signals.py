@@ -23,6 +23,8 @@ Spans = list[tuple[int, int]]
 #: What may freeze or clip.
 _FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
 _MOTION: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s", "specific_force_x_m_s2")
+#: What else tells that something changes; a position repeats itself where a machine stands.
+_BESIDE: Final = ("position_x_m", "acc_x_m_s2")
 #: A reading that repeats for longer is frozen, if another channel changes meanwhile
 _FROZEN_S: Final = 0.3
 #: by this share of its range; of a channel whose noise shows, less tells,
@@ -77,8 +79,9 @@ class Signals:
     @cached_property
     def _repeated(self) -> dict[str, list[Repetition]]:
         """By force or motion channel: where it repeats itself while another one changes."""
-        looked = {n: s for n, s in self.channels.items() if n in (*_FORCES, *_MOTION)}
-        return {name: _repeated(name, looked) for name in looked}
+        told = (*_FORCES, *_MOTION, *_BESIDE)
+        looked = {name: series for name, series in self.channels.items() if name in told}
+        return {name: _repeated(name, looked) for name in looked if name not in _BESIDE}
 
     @cached_property
     def limits(self) -> dict[str, dict[float, float]]:
