@@ -30,8 +30,10 @@ _FROZEN_S: Final = 0.3
 #: by this share of its range; of a channel whose noise shows, less tells,
 _CHANGES: Final = 0.15
 _CHANGES_BESIDE_NOISE: Final = 0.05
-#: and noise shows in one that else repeats no more than this share of its readings.
+#: and noise shows where no more than this share of the other readings repeats the one before,
 _USUAL: Final = 0.02
+#: if these are more than this share of all.
+_TELLING: Final = 0.1
 #: Of a slow channel, two readings that are alike are no run: in so many readings at least.
 _FEWEST_RUN: Final = 5
 #: Clipped readings pile up: so many times the next value's number, and at least so many.
@@ -47,7 +49,7 @@ _NEAR_S: Final = 0.5
 _AT_LIMIT: Final = 0.15
 
 
-class Repetition(NamedTuple):
+class RepeatedReading(NamedTuple):
     """Readings that repeat one value: when, in unix ns, and which."""
 
     begin_ns: int
@@ -77,7 +79,7 @@ class Signals:
         return self.drift.drift_ppm * 1e-6 * self.span_s
 
     @cached_property
-    def _repeated(self) -> dict[str, list[Repetition]]:
+    def _repeated(self) -> dict[str, list[RepeatedReading]]:
         """By force or motion channel: where it repeats itself while another one changes."""
         told = (*_FORCES, *_MOTION, *_BESIDE)
         looked = {name: series for name, series in self.channels.items() if name in told}
@@ -167,18 +169,21 @@ def _runs(x: Floats) -> tuple[Ints, Ints]:
     return first, np.append(first[1:], x.size) - 1
 
 
-def long_runs(x: Floats, t: Ints) -> tuple[list[Repetition], bool]:
+def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
     """Where a channel repeats one reading for long, and whether it hardly ever does otherwise."""
     first, last = _runs(x)
     long = ((t[last] - t[first]) > _FROZEN_S * 1e9) & (last - first >= _FEWEST_RUN - 1)
     runs = zip(t[first[long]], t[last[long]], x[first[long]], strict=True)
-    never = int((last - first)[~long].sum()) <= _USUAL * x.size
-    return [Repetition(int(begin), int(end), float(value)) for begin, end, value in runs], never
+    others = int((last - first + 1)[~long].sum())
+    never = others > _TELLING * x.size and int((last - first)[~long].sum()) <= _USUAL * others
+    return [
+        RepeatedReading(int(begin), int(end), float(value)) for begin, end, value in runs
+    ], never
 
 
-def _repeated(name: str, channels: Mapping[str, Series]) -> list[Repetition]:
+def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     t, x = channels[name]
-    runs, never = long_runs(x, t)
+    runs, never = long_runs(t, x)
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
     if not runs:
@@ -217,7 +222,7 @@ def _piles(x: Floats) -> dict[float, float]:
     }
 
 
-def _levels(runs: list[Repetition], x: Floats) -> dict[float, float]:
+def _levels(runs: list[RepeatedReading], x: Floats) -> dict[float, float]:
     """Likewise the values that long runs come back to, and few readings are beyond."""
     often = Counter(run.value for run in runs)
     return {

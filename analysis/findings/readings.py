@@ -88,7 +88,7 @@ def _noiseless(case: Case, name: str) -> list[tuple[int, int]]:
     """Where a channel that otherwise never repeats a reading does so for long."""
     signals = case.evidence.signals
     limits = {} if signals is None else signals.limits.get(name, {})
-    runs, never = long_runs(case.series[name][1], case.series[name][0])
+    runs, never = long_runs(*case.series[name])
     return [(run.begin_ns, run.end_ns) for run in runs if never and run.value not in limits]
 
 
