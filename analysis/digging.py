@@ -3,8 +3,13 @@
 Their force does not only accelerate what is weighed, and the bucket fills while they last, so they
 are no estimates of a mass; together they would bend what all starts share. A resistance that is
 there from the beginning (soft ground, a slope without a pitch) is not meant: only one that grows.
+
+Hills, gears, springs and gravity make resistances grow as well. They make them fall as often, or
+grow whichever way the machine goes, and it drives on; a pile never pushes, lies before the bucket,
+and ends in a stand or a reverse. Machines without a bucket say `machine.digs = false`.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -45,6 +50,10 @@ _SHORTEST_S: Final = 1.2
 #: with: the largest growth of a start that digs, as a share of that force. Piles that stop a fast
 #: machine reach 2.1.
 _GROWS_MOST: Final = 2.5
+#: For each start that may dig, so many whose resistance falls as surely, grows the other way, or
+#: after which the machine drives on: then resistances change by themselves, and none is a pile. In
+#: shifts with a pile there was not one such start; cars, carts, racks and arms have about one each.
+_CONTRADICTS: Final = 0.34
 #: The mass of machine and load is this times the empty machine's, within this share of it,
 _HEAVIER: Final = 1.1
 _MASS_WIDTH: Final = 0.15
@@ -71,6 +80,30 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     Returns:
         `digging`, a row a start that digs.
     """
+    met = _met(excitation, machine) if machine.machine.digs else []
+    found = [each.row for each in _piles(met)]
+    names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
+    columns = zip(*found, strict=True) if found else ([],) * len(names)
+    return build("digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)})
+
+
+@dataclass(frozen=True, slots=True)
+class _Met:
+    """A start whose resistance surely changes.
+
+    Attributes:
+        row: of `digging`: its first and last sample, in ns, the growth and its deviation, in N.
+        way: 1 ahead, -1 back.
+        stops: whether a stand, a reverse or the end of the log follows before it drives on.
+    """
+
+    row: tuple[int, int, float, float]
+    way: int
+    stops: bool
+
+
+def _met(excitation: pl.DataFrame, machine: Machine) -> list[_Met]:
+    """The starts whose resistance surely grows or falls by what may be a pile's size, in time."""
     A, force = regressor(X, excitation, machine.settings)
     acceleration, speed = A[:, 0], A[:, 1]
     driving = excitation["phase"].is_in(["accelerating", "cruising"]).fill_null(False).to_numpy()
@@ -78,7 +111,7 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
     whole = np.isfinite(A).all(axis=1) & np.isfinite(force)
     driving &= whole
     t_ns = excitation["t_ns"].to_numpy()
-    found: list[tuple[int, int, float, float]] = []
+    found: list[_Met] = []
     # a force that reads zero throughout digs nowhere
     if np.count_nonzero(driving) >= _FEWEST and (largest_N := _largest(force[driving])) > 0.0:
         fastest = _largest(speed[driving])
@@ -93,8 +126,14 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
                 _CONSTANT_WIDTH * largest_N,
             ]
         )
-        for rows in _starts(driving | against, speed, machine.settings):
-            way = np.sign(np.mean(speed[rows]))
+        drives = driving | against
+        # nor does a hole tell that it drives on
+        stood = np.abs(speed) <= machine.settings.phases.standstill_speed_m_s
+        stands = (stood | np.isnan(speed)) & ~drives
+        ends = {way: np.flatnonzero(stands | (way * speed < 0.0)) for way in (-1, 0, 1)}
+        goes_on = np.flatnonzero(drives)
+        for rows in _starts(drives, speed, machine.settings):
+            way = int(np.sign(np.mean(speed[rows])))
             grown_N, std_N = _growth(
                 np.column_stack([way * acceleration[rows], way * speed[rows]]),
                 way * force[rows],
@@ -103,11 +142,30 @@ def digging(excitation: pl.DataFrame, machine: Machine) -> pl.DataFrame:
                 widths,
                 _MISFIT * largest_N,
             )
-            if max(_GROWS * largest_N, SURELY * std_N) < grown_N < _GROWS_MOST * largest_N:
-                found.append((int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N))
-    names = ("start_t_ns", "end_t_ns", "growth_N", "growth_std_N")
-    columns = zip(*found, strict=True) if found else ([],) * len(names)
-    return build("digging", {n: pl.Series(list(c)) for n, c in zip(names, columns, strict=True)})
+            least_N = max(_GROWS * largest_N, SURELY * std_N)
+            if least_N < abs(grown_N) < _GROWS_MOST * largest_N:
+                row = int(t_ns[rows[0]]), int(t_ns[rows[-1]]), grown_N, std_N
+                stops = _next(ends[way], int(rows[-1])) <= _next(goes_on, int(rows[-1]))
+                found.append(_Met(row, way, stops))
+    return found
+
+
+def _piles(met: list[_Met]) -> list[_Met]:
+    """Those that are driven into a pile; none where the log's resistances change by themselves."""
+    grows = [each for each in met if each.row[2] > 0.0]
+    # the bucket is where most of them go: a log may have its signs turned round
+    bucket = 1 if 2 * sum(each.way > 0 for each in grows) >= len(grows) else -1
+    piles = [each for each in grows if each.way == bucket and each.stops]
+    # backwards out of a pile, what holds the bucket lets go
+    let_go = sum(each.way != bucket and each.row[2] < 0.0 for each in met)
+    against = len(met) - len(piles) - let_go
+    return piles if against < _CONTRADICTS * len(piles) else []
+
+
+def _next(rows: Ints, after: int) -> float:
+    """The first of these rows after one; infinite where there is none."""
+    place = int(np.searchsorted(rows, after, "right"))
+    return float(rows[place]) if place < rows.size else np.inf
 
 
 def without_digging(

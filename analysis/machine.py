@@ -58,6 +58,8 @@ class Body(BaseModel):
     rotating_mass_kg: float = Field(0.0, ge=0)
     rotating_mass_u_kg: float = Field(0.0, ge=0)
     repeatability_kg: float | None = Field(None, ge=0)
+    #: Whether it has a bucket to dig with: without one no start is driven into a pile.
+    digs: bool = True
     gravity_m_s2: float = Field(9.80665, gt=9.7, lt=9.9)
     timezone: Annotated[str, AfterValidator(_known_timezone)] = "UTC"
     imu: ImuMounting = ImuMounting()

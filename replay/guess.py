@@ -78,6 +78,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         "# empty_mass_kg = 3614.0       # for the payload and for the verdict",
         "# wheel_radius_m = 0.42        # needed where the force comes from wheel torques (17)",
         "# track_width_m = 1.5          # for the yaw torque (18)",
+        "# digs = false                 # where it has no bucket: a car, a rack, an arm",
         "force_share = 1.0              # share of the force that the measured wheels carry",
         'timezone = "UTC"               # what a person reads times in',
         "",

@@ -367,7 +367,8 @@ FAULTS: Final = (
         ("external_force",),
         "28 % of the throttle",
         _pile,
-        needs={"campaign": {"start_s": 3.5}},
+        # a pile lies before the bucket
+        needs={"campaign": {"start_s": 3.5}, "starts": {"directions": "as listed"}},
     ),
     Fault(
         "a bucket that fills",

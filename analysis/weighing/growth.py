@@ -20,7 +20,7 @@ from analysis.weighing.equation import Equation, Floats, Ints, NoiseOfColumns
 from analysis.weighing.joint_fit import again
 from analysis.weighing.joint_result import JointFit, place_of
 from analysis.weighing.nuisances import FILLING
-from analysis.weighing.states import sample_units, stretch_units
+from analysis.weighing.states import LARGEST_LOAD, sample_units, stretch_units
 from estimators.autocorrelation import student_factor
 from estimators.fit_loss import group_ids, group_rows
 
@@ -36,6 +36,8 @@ _OF_MEDIAN: Final = 1.4826
 _FAR: Final = 4.0
 #: Of all manoeuvres of a log, one is said to change by mistake with this probability.
 _BY_MISTAKE: Final = 0.01
+#: A change beyond the largest load by more of its deviations is none of a load.
+_BEYOND: Final = 2.0
 #: Mass, friction and constant of its own: a start may differ in all of them, in friction by such a
 #: share of it and in the constant by such a share of the largest force (one standard deviation).
 _OWN: Final = 3
@@ -149,6 +151,8 @@ def growing(
     apart = _OF_MEDIAN * float(np.median(np.abs(kg)))
     std_kg = np.sqrt(variance / square + apart**2)
     limit = -float(ndtri(_BY_MISTAKE / 2.0 / kg.size)) * student_factor(kg.size - 1)
+    # what no machine carries is no load, however surely the manoeuvre misses the model
+    carried = np.abs(kg) - _BEYOND * std_kg <= LARGEST_LOAD * abs(fit.mass_kg)
     used, of_sample = np.flatnonzero(motion.used), sample_units(motion)
     return tuple(
         Growth(
@@ -157,7 +161,7 @@ def growing(
             float(kg[k]),
             float(std_kg[k]),
         )
-        for k in np.flatnonzero(np.abs(kg) > limit * std_kg)
+        for k in np.flatnonzero((np.abs(kg) > limit * std_kg) & carried)
     )
 
 

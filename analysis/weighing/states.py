@@ -16,7 +16,7 @@ from estimators.partition_posterior import Partition
 from estimators.units import FILLED, HINTED, NAMED, Units
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
-_LARGEST_LOAD: Final = 1.0 / 3.0
+LARGEST_LOAD: Final = 1.0 / 3.0
 #: Manoeuvres of one load repeat to about so much of the machine's mass: those who sell scales for
 #: loaders state one or two percent.
 _REPEATS: Final = 0.02
@@ -238,7 +238,7 @@ def found_states(units: Units, number: Ints, repeatability_kg: float | None) -> 
     typical_kg = float(max(np.median(np.abs(units.y)), np.median(np.sqrt(units.variance))))
     found = partitions(
         units,
-        _LARGEST_LOAD * typical_kg,
+        LARGEST_LOAD * typical_kg,
         _REPEATS * typical_kg,
         repeatability_kg,
     )

@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.digging import digging, without_digging
-from replay import load_machine
+from replay import load_machine, open_log, run
+from replay.readers import TimeAxis
+from tests.analysis.without_bucket import WITHOUT_BUCKET
 
 MACHINE = load_machine(Path("cat262c.toml"))
 RATE_HZ = 100
@@ -137,3 +139,60 @@ def test_starts_into_a_pile_dig_and_their_windows_are_refused_with_the_reason() 
 def test_a_force_that_reads_nothing_digs_nowhere() -> None:
     frame = starts([3600.0] * 3, 400.0, 150.0, [0.0] * 3).with_columns(force_x_N=pl.lit(0.0))
     assert digging(frame, MACHINE).is_empty()
+
+
+def turned_back(frame: pl.DataFrame) -> pl.DataFrame:
+    """The same driven backwards."""
+    return frame.with_columns(-pl.col("regressor_acc_x_m_s2", "speed_x_m_s", "force_x_N"))
+
+
+def one_after_the_other(*frames: pl.DataFrame) -> pl.DataFrame:
+    frame = pl.concat([each.drop("t_ns") for each in frames])
+    return frame.with_columns(t_ns=pl.int_range(frame.height) * (10**9 // RATE_HZ))
+
+
+def test_a_machine_that_does_not_dig_has_no_pile() -> None:
+    body = MACHINE.machine.model_copy(update={"digs": False})
+    frame = starts([3600.0] * 3, 400.0, 150.0, [4000.0] * 3)
+    assert digging(frame, MACHINE).height == 3
+    assert digging(frame, MACHINE.model_copy(update={"machine": body})).is_empty()
+
+
+def test_what_pushes_back_whichever_way_the_machine_goes_is_no_pile() -> None:
+    ahead = starts([3600.0] * 4, 400.0, 150.0, [4000.0] * 4)
+    assert digging(turned_back(ahead), MACHINE).height == 4  # a log with its signs turned round
+    assert digging(one_after_the_other(ahead, turned_back(ahead)), MACHINE).is_empty()
+
+
+def test_a_resistance_that_falls_as_often_is_no_pile() -> None:
+    grows = starts([3600.0] * 4, 400.0, 150.0, [4000.0] * 4)
+    pushed = starts([3600.0] * 4, 400.0, 4000.0, [0.0] * 4)
+    since_s = (pl.col("t_ns") / 1e9 % 7.0 - 3.0).clip(0.0)
+    falls = pushed.with_columns(force_x_N=pl.col("force_x_N") - 1000.0 * since_s)
+    assert digging(one_after_the_other(grows, falls), MACHINE).is_empty()
+
+
+def test_a_machine_that_drives_on_is_in_no_pile() -> None:
+    frame = starts([3600.0] * 4, 400.0, 150.0, [4000.0] * 4)
+    rolls = pl.col("phase") == "standstill"
+    # it rolls between the starts, and does not stand
+    rolling = frame.with_columns(
+        speed_x_m_s=pl.when(rolls).then(1.0).otherwise(pl.col("speed_x_m_s") + 1.0),
+        force_x_N=pl.col("force_x_N") + 400.0,
+        phase=pl.when(rolls).then(pl.lit("braking")).otherwise("phase"),
+    )
+    assert digging(frame, MACHINE).height == 4
+    # the end of the log does not say whether it drives on
+    assert digging(rolling, MACHINE).height <= 1
+
+
+@pytest.mark.parametrize("name", WITHOUT_BUCKET)
+def test_machines_without_a_bucket_have_no_pile(name: str, tmp_path: Path) -> None:
+    for seed in range(3):
+        drawn = WITHOUT_BUCKET[name](seed)
+        path = tmp_path / f"{seed}.parquet"
+        drawn.table.write_parquet(path)
+        with open_log(path, time=TimeAxis("t")) as log:
+            made = run(log, drawn.machine)
+        assert made.frames["digging"].is_empty()
+        assert "external_force" not in set(made.frames["findings"]["cause"])
