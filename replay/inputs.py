@@ -14,6 +14,7 @@ from analysis.schema import HINTS
 from estimators.errors import LogError, nearest
 from replay.joined import joined
 from replay.readers import Log
+from replay.time_line import moved, offsets_ns
 
 #: A field picked by name, `effort[left]`, beside the list of names that picks it.
 _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
@@ -28,7 +29,8 @@ def read_channels(
     """Read the fields that the channels name, and nothing else.
 
     Args:
-        logs: one time line; a topic may be missing from some of them, not from all.
+        logs: one time line, or counting from 0 each (`time_line`); a topic may be missing from
+            some of them, not from all.
         machine: its channels.
 
     Returns:
@@ -59,13 +61,18 @@ def read_channels(
             for log in logs
             if topic not in has[log]
         ]
+    later = offsets_ns(logs, wanted)
     read = {
         log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
         for log in logs
     }
     raw: dict[str, pl.DataFrame] = {}
     for topic in wanted:
-        parts = {log: frames.pop(topic) for log, frames in read.items() if topic in frames}
+        parts = {
+            log: moved(frames.pop(topic), later[log])
+            for log, frames in read.items()
+            if topic in frames
+        }
         frame = joined(topic, parts)
         holders = list(parts)
         if frame.is_empty() and topic in hints:

@@ -35,8 +35,10 @@ from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_fram
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
-from replay.inputs import named_by_topic, provenance, read_channels
+from replay.inputs import channel_fields, named_by_topic, provenance, read_channels
 from replay.readers import Log
+from replay.time_line import note as order_note
+from replay.time_line import offsets_ns
 
 #: What `on_stage` is told, in order.
 STAGES: Final = (
@@ -152,7 +154,12 @@ def run(
             seen.stamps,
             # a recording that is replayed has its own again
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
-            notes=[*chosen, *seen.notes, *why],
+            notes=[
+                *order_note(offsets_ns(logs, channel_fields(machine))),
+                *chosen,
+                *seen.notes,
+                *why,
+            ],
         ),
     ).fingerprinted()
 
