@@ -59,7 +59,7 @@ def read_channels(
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if topic not in has[log]
+            if topic not in has[log] and _of_one_kind(log, topic, has, wanted)
         ]
     later = offsets_ns(logs, wanted)
     read = {
@@ -88,6 +88,13 @@ def read_channels(
     for log in logs:
         losses += log.losses()
     return raw, losses
+
+
+def _of_one_kind(
+    log: Log, topic: str, has: Mapping[Log, set[str]], wanted: Mapping[str, Sequence[str]]
+) -> bool:
+    """Whether a log has another topic of those that have this one: it is not one beside them."""
+    return any(has[log] & topics & wanted.keys() for topics in has.values() if topic in topics)
 
 
 def channel_fields(machine: Machine) -> dict[str, list[str]]:

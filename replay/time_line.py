@@ -7,7 +7,7 @@ from typing import Final
 import polars as pl
 
 from estimators.errors import LogError
-from replay.readers import Log
+from replay.readers import TABLE, Log
 
 #: A time that begins so near to 0 is counted from the file's own begin, in ns.
 _FROM_ZERO_NS: Final = 1_000_000_000
@@ -92,5 +92,5 @@ def _held(table: pl.DataFrame, wanted: Mapping[str, Sequence[str]]) -> _Has:
     return frozenset(
         (topic, field)
         for topic, fields in table.select("topic", "fields").iter_rows()
-        for field in (set(wanted[topic]) & set(fields or []) if topic == "table" else [""])
+        for field in (set(wanted[topic]) & set(fields or []) if topic == TABLE else [""])
     )

@@ -1,6 +1,5 @@
 """The noise of every column from the log, where it is known."""
 
-
 import numpy as np
 import polars as pl
 import pytest
@@ -10,7 +9,6 @@ from analysis.column_noise import ColumnNoise
 from analysis.regressor import X, Z
 from analysis.schema import NOISE_COLUMNS
 from analysis.settings import NoiseSettings
-from tests.analysis.conftest import make_machine
 from tests.analysis.noisy_logs import STD, noisy_log
 
 KINDS = (

@@ -7,10 +7,14 @@ import pytest
 
 from analysis.machine import Machine
 from estimators.errors import LogError
-from replay import open_log
+from recordings import read_recording, write_recording
+from replay import load_machine, open_log, run
+from replay.decoded import decoded
 from replay.inputs import read_channels
 from replay.readers import TimeAxis
 from replay.time_line import note, offsets_ns
+from tests.replay.sledge import MACHINE as MACHINE_FILE
+from tests.replay.sledge import sledge
 
 MACHINE = Machine.model_validate(
     {
@@ -26,6 +30,7 @@ MACHINE = Machine.model_validate(
 )
 WANTED = {"table": ["force", "speed"]}
 NS = 10**9
+PARTS = ("drive.csv", "imu.parquet")
 
 
 def table(path: Path, force: float, *, begins_s: float = 0.0, without: str = "") -> Path:
@@ -84,3 +89,38 @@ def test_tables_that_hold_some_in_common_are_refused_in_a_line_with_both_ways(
     assert "part.parquet" in said
     assert "follow one another hold the same" in said
     assert "side by side none in common" in said
+
+
+def test_tables_with_no_column_in_common_are_one_log(tmp_path: Path) -> None:
+    machine_file = tmp_path / "sledge.toml"
+    machine_file.write_text(MACHINE_FILE)
+    machine = load_machine(machine_file)
+    whole = sledge()
+    whole.write_csv(tmp_path / "whole.csv")
+    whole.select("time_s", "force_N").write_csv(tmp_path / "drive.csv")
+    # another recorder, at half the rate
+    whole.drop("force_N").gather_every(2).write_parquet(tmp_path / "imu.parquet")
+    named = [open_log(tmp_path / name, time=TimeAxis("time_s")) for name in PARTS]
+    expected = run(open_log(tmp_path / "whole.csv", time=TimeAxis("time_s")), machine)
+    for logs in (named, named[::-1], decoded(named, machine, tmp_path / "kept")):
+        made = run(logs, machine)
+        assert {"raw/table/drive", "raw/table/imu"} <= made.frames.keys()
+        assert made.provenance.stamps == {"table/drive": "table", "table/imu": "table"}
+        (load,), (known,) = (each.frames["loads"].to_dicts() for each in (made, expected))
+        assert load["mass_kg"] == pytest.approx(known["mass_kg"], abs=known["u_kg"])
+        assert made.provenance.losses == ()
+    # what was recorded is replayed by the same machine file
+    write_recording(made, tmp_path / "both.rrd")
+    assert read_recording(tmp_path / "both.rrd") == made
+    again = run(open_log(tmp_path / "both.rrd"), machine)
+    assert again.frames["loads"].equals(made.frames["loads"])
+
+
+def test_a_column_that_no_table_has_is_named_with_those_that_there_are(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in PARTS]
+    sledge().select("time_s", "force_N").write_csv(paths[0])
+    sledge().select("time_s", "speed_m_s").write_parquet(paths[1])
+    (tmp_path / "sledge.toml").write_text(MACHINE_FILE)
+    logs = [open_log(path, time=TimeAxis("time_s")) for path in paths]
+    with pytest.raises(LogError, match=r"drive\.csv.*imu\.parquet: no column 'acc_m_s2'"):
+        run(logs, load_machine(tmp_path / "sledge.toml"))
