@@ -199,8 +199,34 @@ class Equation:
         return replace(self, speed=self._moved_back(self.speed, delay_s))
 
     def _moved_back(self, x: Floats, late_s: float) -> Floats:
+        """By a cubic inside of stretches: a line between two rows is a low-pass on a slow grid."""
+        late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
-        return np.interp(rows + late_s * self.rate_hz, rows, x)
+        moved = np.interp(rows + late, rows, x)
+        whole = math.floor(late)
+        part = late - whole
+        if not part:
+            return moved
+        first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
+        if first >= end:
+            return moved
+        weights = (
+            -part * (part - 1.0) * (part - 2.0) / 6.0,
+            (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+            -(part + 1.0) * part * (part - 2.0) / 2.0,
+            (part + 1.0) * part * (part - 1.0) / 6.0,
+        )
+        from_row = first + whole - 1
+        cubic = sum(
+            weight * x[from_row + k : from_row + k + end - first]
+            for k, weight in enumerate(weights)
+        )
+        group = self.group[first:end]
+        inside = group >= 0
+        for row in (from_row, from_row + 3):
+            inside &= self.group[row : row + end - first] == group
+        moved[first:end] = np.where(inside, cubic, moved[first:end])
+        return moved
 
     @cached_property
     def used(self) -> Bools:
@@ -216,6 +242,11 @@ class Equation:
     def largest_speed(self) -> float:
         """The speed that it reaches, in m/s, likewise."""
         return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
+
+    @cached_property
+    def mean_speed(self) -> float:
+        """How fast it drives on average, either way, in m/s."""
+        return float(np.mean(np.abs(self.speed[self.used])))
 
     @cached_property
     def about_kg(self) -> float:
@@ -316,9 +347,9 @@ def equation(
 
 
 @compiled
-def ground_speed(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
-    """The ground's speed from that of wheels which slip by κ = F / C, (n,) in m/s."""
-    return speed / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
+def rolled_share(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+    """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
+    return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
 def begins(group: Ints) -> Bools:
