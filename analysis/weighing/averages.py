@@ -37,9 +37,11 @@ _LEAST_GAIN: Final = 0.5
 _LARGEST_LOAD: Final = 0.9
 #: Between these quantiles of the manoeuvres' masses is the middle of empty and loaded ones.
 _EMPTY_AND_LOADED: Final = (0.1, 0.9)
-#: To either side of a sample, in s, the parabola reaches that gives the derivative: the first, or
-#: the first that noise leaves a derivative of.
-_RATE_HALVES_S: Final = (0.04, 0.08, 0.16, 0.32)
+#: It is clear where its r.m.s. is so many, on a grid that has it of more than two rows: of jerks
+#: that are stick-slip or noise slip would come out too small (loaders have 4 to 10, cars 10 to 13).
+_RATE_IS_CLEAR: Final = 10.0
+#: To either side of a sample, in s, the parabola reaches that gives the derivative.
+_RATE_HALF_S: Final = 0.04
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,7 +310,7 @@ def _columns(
         speed,
         rolled_share(speed, acting, found.slip_1_N),
         acting,
-        (_rate if wheels is None else _whole_rate)(force, motion.rate_hz, force_std),
+        _rate(force, motion.rate_hz, force_std, whole=wheels is not None),
         motion.direction,
         motion.progress,
         _since(motion.group) / motion.rate_hz,
@@ -382,34 +384,27 @@ def _weights(A: Floats, force: Floats, covariances: Floats, which: Ints) -> Floa
     return np.sqrt(variances[-1] / np.maximum(variances[which], variances[-1]))
 
 
-def _rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
-    """The derivative of the force in N/s, 0 where it is no more than noise."""
-    rate, std = _derivative(force, rate_hz, _RATE_HALVES_S[0], noise_N)
-    return np.where(np.abs(rate) > _RATE_COUNTS * std, rate, 0.0)
+def _rate(force: Floats, rate_hz: float, noise_N: float, *, whole: bool) -> Floats:
+    """The derivative of the force in N/s, 0 where it is no more than noise.
 
-
-def _whole_rate(force: Floats, rate_hz: float, noise_N: float) -> Floats:
-    """The derivative of the force in N/s, also where it is small: smoothed until it shows.
-
-    What slip takes from the wheels' acceleration is all of it; without its small values masses
-    were 0.3 % off where wheels slip by 2 %.
+    Args:
+        force: (n,) in N.
+        rate_hz: of the grid.
+        noise_N: standard deviation of a sample.
+        whole: also where it is small, if next to nothing of it is noise: what slip takes from the
+            wheels' acceleration is all of it, and without small values masses were 0.3 % off where
+            wheels slip by 2 %.
     """
-    for half_s in _RATE_HALVES_S:
-        rate, std = _derivative(force, rate_hz, half_s, noise_N)
-        if float(np.sqrt(np.mean(rate**2))) > _RATE_COUNTS * std:
-            return rate
-    return np.where(np.abs(rate) > _RATE_COUNTS * std, rate, 0.0)
-
-
-def _derivative(
-    force: Floats, rate_hz: float, half_s: float, noise_N: float
-) -> tuple[Floats, float]:
-    """The slopes of parabolas through the force, (n,) in N/s, and their standard deviation."""
-    half = rows_in(half_s, rate_hz)
+    half = rows_in(_RATE_HALF_S, rate_hz)
     steps = (
         np.arange(half, -half - 1, -1) * rate_hz / float(2 * (np.arange(1, half + 1) ** 2).sum())
     )
-    return np.convolve(force, steps, "same"), noise_N * float(np.sqrt(steps @ steps))
+    rate = np.convolve(force, steps, "same")
+    std = noise_N * float(np.sqrt(steps @ steps))
+    clear = _RATE_COUNTS if half == 1 else _RATE_IS_CLEAR
+    if whole and float(np.sqrt(np.mean(rate**2))) > clear * std:
+        return rate
+    return np.where(np.abs(rate) > _RATE_COUNTS * std, rate, 0.0)
 
 
 def _noise_moments(

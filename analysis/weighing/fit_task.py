@@ -34,6 +34,9 @@ _MOST_OFFSET: Final = 3.0
 _LONGEST_LAG_S: Final = 0.3
 #: What the wheels say of slip is never trusted beyond this share of its prior.
 _LEAST_SLIP: Final = 0.05
+#: The wheels' own acceleration tells slip where it leaves so much of its prior: where it left a
+#: third, slip was up to two deviations from what it was.
+_SLIP_IS_TOLD: Final = 0.1
 #: Fewer manoeuvres do not tell a drift from a change of load.
 _FEWEST_OF_DRIFT: Final = 6
 
@@ -52,18 +55,6 @@ class _SlipCost:
     mass_kg: float
     friction_N_s_m: float
     slip_1_N: tuple[float, float] | None
-
-    @classmethod
-    def of(cls, found: PriorSolution, terms: tuple[Nuisance, ...], motion: Equation) -> "_SlipCost":
-        """By what a round found of these terms."""
-        theta, count = found.theta, found.theta.size - 1 - len(terms)
-        mass_kg = float(np.mean(theta[:count]))
-        friction = max(resistance_slope(theta, terms, motion), 0.0)
-        if motion.wheel_acceleration is None or not mass_kg > 0.0:
-            return cls(mass_kg, friction, None)
-        at = count + 1 + place_of("slip_acceleration", terms)
-        std = float(found.fit.std[at])
-        return cls(mass_kg, friction, (float(theta[at]) / mass_kg, std / mass_kg))
 
 
 @dataclass(frozen=True)
@@ -123,7 +114,7 @@ class FitTask:
         known = begin.found if begin else self.begun
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        cost = begin and _SlipCost.of(begin.solution, begin.terms, self.motion)
+        cost = begin and self._cost(begin.solution, begin.terms)
         for number in range(rounds):
             mean, std = self._priors(cost)
             self._narrow_gain_drift(std)
@@ -142,7 +133,7 @@ class FitTask:
             )
             if not np.isfinite(solution.theta).all():
                 break
-            cost = _SlipCost.of(solution, self.terms, self.motion)
+            cost = self._cost(solution, self.terms)
             if cost.slip_1_N is not None and self._wheels_slip() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._found(known, solution.theta, shift=shift)
@@ -215,7 +206,7 @@ class FitTask:
 
     def units(self, fit: JointFit, rows: Averages) -> Units:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
-        mean, std = self._priors(_SlipCost.of(fit.solution, fit.terms, self.motion))
+        mean, std = self._priors(self._cost(fit.solution, fit.terms))
         if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
             std[place_of("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
@@ -257,6 +248,21 @@ class FitTask:
         for place, term in self._learnt_places():
             mean[place], std[place] = term.mean, term.std
         return mean, std
+
+    def _cost(self, found: PriorSolution, terms: tuple[Nuisance, ...]) -> _SlipCost:
+        """What slip costs by what a round found of these terms."""
+        theta, count = found.theta, found.theta.size - 1 - len(terms)
+        mass_kg = float(np.mean(theta[:count]))
+        friction = max(resistance_slope(theta, terms, self.motion), 0.0)
+        if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
+            return _SlipCost(mass_kg, friction, None)
+        place = place_of("slip_acceleration", terms)
+        std = float(found.fit.std[count + 1 + place])
+        if not std < _SLIP_IS_TOLD * terms[place].width(self.motion, self.priors):
+            return _SlipCost(mass_kg, friction, None)
+        return _SlipCost(
+            mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
+        )
 
     def _narrow_gain_drift(self, std: Floats) -> None:
         """Leave out a drift of the gain where loads come back.

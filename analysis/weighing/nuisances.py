@@ -30,8 +30,7 @@ class Moments:
         rolled_share: of the speed that is the ground's, by the slip that the wheels are known to
             have.
         force: that acts on the ground, in N, in time.
-        force_rate: derivative of the measured force in N/s, where it is more than noise, and where
-            wheels give the acceleration also where it is small.
+        force_rate: derivative of the measured force where it is more than noise, in N/s.
         direction: of each manoeuvre.
         progress: from -1/2 to 1/2 over the log.
         relative_load: of the machine with its load over the reference mass, less 1.
