@@ -11,7 +11,13 @@ from analysis.weighing.averages import Averages, EarlierRounds, RelativeLoads, a
 from analysis.weighing.effects import NARROW
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.ground import SOURCE
-from analysis.weighing.joint_result import JointFit, PriorMeans, place_of, resistance_slope
+from analysis.weighing.joint_result import (
+    Estimated,
+    JointFit,
+    PriorMeans,
+    place_of,
+    resistance_slope,
+)
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.nuisances import (
     Nuisance,
@@ -23,7 +29,7 @@ from analysis.weighing.nuisances import (
 from analysis.weighing.route import Route
 from analysis.weighing.states import States, stretch_units
 from estimators import prior_fit
-from estimators.prior_fit import Grouping, PriorSolution
+from estimators.prior_fit import Grouping
 from estimators.units import Units, units_of
 
 #: A lag that changes by less is found.
@@ -114,7 +120,7 @@ class FitTask:
         known = begin.found if begin else self.begun
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        cost = begin and self._cost(begin.solution, begin.terms)
+        cost = begin and self._cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
             mean, std = self._priors(cost)
             self._narrow_gain_drift(std)
@@ -133,7 +139,7 @@ class FitTask:
             )
             if not np.isfinite(solution.theta).all():
                 break
-            cost = self._cost(solution, self.terms)
+            cost = self._cost(solution.theta, solution, self.terms)
             if cost.slip_1_N is not None and self._wheels_slip() is None:
                 known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._found(known, solution.theta, shift=shift)
@@ -206,7 +212,7 @@ class FitTask:
 
     def units(self, fit: JointFit, rows: Averages) -> Units:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
-        mean, std = self._priors(self._cost(fit.solution, fit.terms))
+        mean, std = self._priors(self._cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
             std[place_of("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
@@ -249,9 +255,9 @@ class FitTask:
             mean[place], std[place] = term.mean, term.std
         return mean, std
 
-    def _cost(self, found: PriorSolution, terms: tuple[Nuisance, ...]) -> _SlipCost:
+    def _cost(self, theta: Floats, found: Estimated, terms: tuple[Nuisance, ...]) -> _SlipCost:
         """What slip costs by what a round found of these terms."""
-        theta, count = found.theta, found.theta.size - 1 - len(terms)
+        count = theta.size - 1 - len(terms)
         mass_kg = float(np.mean(theta[:count]))
         friction = max(resistance_slope(theta, terms, self.motion), 0.0)
         if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
