@@ -58,7 +58,8 @@ def place(
     labels: dict[str, str] = {}
     for topic, frame in raw.items():
         column = "header_stamp_ns" if headers[topic] else "log_time_ns"
-        labels[topic] = "header" if headers[topic] else ("table" if topic == "table" else "log")
+        of_table = topic == "table" or topic.startswith("table/")
+        labels[topic] = "header" if headers[topic] else ("table" if of_table else "log")
         kept = frame.filter(pl.col(column).is_not_null())
         scatter = uneven_headers(frame) if headers[topic] else None
         if scatter is not None:

@@ -23,7 +23,7 @@ from analysis.run import Loss
 from estimators.errors import LogError, OutputError, PayscopeError
 from replay.inputs import channel_fields, input_files, versions
 from replay.machine_file import time_axis
-from replay.readers import Checked, Log, TimeAxis, open_log
+from replay.readers import TABLE, Checked, Log, TimeAxis, open_log
 
 #: Hidden beside what is made of the logs.
 FOLDER: Final = ".decoded"
@@ -124,14 +124,7 @@ def decoded(
         OutputError: the folder cannot be written.
     """
     time = time_axis(machine)
-    wanted = {
-        log: {
-            topic: names
-            for topic, names in channel_fields(machine).items()
-            if topic in set(log.topics()["topic"])
-        }
-        for log in logs
-    }
+    wanted = {log: _held(log, channel_fields(machine)) for log in logs}
     places = {log: folder / _key(log, wanted[log], time) for log in logs}
     _sweep(folder, {place.name for place in places.values()})
     missing = [log for log in logs if not places[log].is_dir()]
@@ -207,6 +200,16 @@ def _by_process(
     if done.returncode:
         why = done.stderr.strip().splitlines()[-1:] or [f"ended with {done.returncode}"]
         raise LogError(f"{log.path}: cannot be decoded: {why[0]}")
+
+
+def _held(log: Log, fields: Mapping[str, Sequence[str]]) -> dict[str, Sequence[str]]:
+    """What of these fields a log has, by topic: another table may have the other columns."""
+    found: dict[str, Sequence[str]] = {}
+    for topic, has in log.topics().select("topic", "fields").iter_rows():
+        if topic in fields:
+            names = fields[topic]
+            found[topic] = [each for each in names if each in has] if topic == TABLE else names
+    return found
 
 
 def _key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -> str:

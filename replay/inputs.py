@@ -14,6 +14,7 @@ from analysis.schema import HINTS
 from estimators.errors import LogError, nearest
 from replay.joined import joined
 from replay.readers import Log
+from replay.time_line import moved, offsets_ns
 
 #: A field picked by name, `effort[left]`, beside the list of names that picks it.
 _BY_NAME = re.compile(r"(?P<parent>(?:.*\.)?)[^.\[\]]+\[(?P<name>[^\[\]]*[^\[\]\d][^\[\]]*)\]")
@@ -28,7 +29,8 @@ def read_channels(
     """Read the fields that the channels name, and nothing else.
 
     Args:
-        logs: one time line; a topic may be missing from some of them, not from all.
+        logs: one time line, or counting from 0 each (`time_line`); a topic may be missing from
+            some of them, not from all.
         machine: its channels.
 
     Returns:
@@ -57,15 +59,20 @@ def read_channels(
         losses += [
             Loss(source=log.path.name, topic=topic, what="this log does not have the topic")
             for log in logs
-            if topic not in has[log]
+            if topic not in has[log] and _of_one_kind(log, topic, has, wanted)
         ]
+    later = offsets_ns(logs, wanted)
     read = {
         log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
         for log in logs
     }
     raw: dict[str, pl.DataFrame] = {}
     for topic in wanted:
-        parts = {log: frames.pop(topic) for log, frames in read.items() if topic in frames}
+        parts = {
+            log: moved(frames.pop(topic), later[log])
+            for log, frames in read.items()
+            if topic in frames
+        }
         frame = joined(topic, parts)
         holders = list(parts)
         if frame.is_empty() and topic in hints:
@@ -81,6 +88,13 @@ def read_channels(
     for log in logs:
         losses += log.losses()
     return raw, losses
+
+
+def _of_one_kind(
+    log: Log, topic: str, has: Mapping[Log, set[str]], wanted: Mapping[str, Sequence[str]]
+) -> bool:
+    """Whether a log has another topic of those that have this one: it is not one beside them."""
+    return any(has[log] & topics & wanted.keys() for topics in has.values() if topic in topics)
 
 
 def channel_fields(machine: Machine) -> dict[str, list[str]]:

@@ -35,8 +35,11 @@ from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_fram
 from analysis.weighing.weigh import Weighing, weigh
 from estimators.errors import DataError
 from estimators.threads import one_blas_thread
-from replay.inputs import named_by_topic, provenance, read_channels
+from replay.inputs import channel_fields, named_by_topic, provenance, read_channels
+from replay.parallel_tables import side_by_side
 from replay.readers import Log
+from replay.time_line import note as order_note
+from replay.time_line import offsets_ns
 
 #: What `on_stage` is told, in order.
 STAGES: Final = (
@@ -106,7 +109,7 @@ def run(
     Returns:
         Every intermediate frame and where it came from.
     """
-    logs = logs if isinstance(logs, Sequence) else [logs]
+    logs, machine = side_by_side(logs if isinstance(logs, Sequence) else [logs], machine)
 
     on_stage("read")  # the channels in use, at their own rates
     raw, losses = read_channels(logs, machine)
@@ -152,7 +155,12 @@ def run(
             seen.stamps,
             # a recording that is replayed has its own again
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
-            notes=[*chosen, *seen.notes, *why],
+            notes=[
+                *order_note(offsets_ns(logs, channel_fields(machine))),
+                *chosen,
+                *seen.notes,
+                *why,
+            ],
         ),
     ).fingerprinted()
 

@@ -39,6 +39,9 @@ _MIXED_S: Final = 0.05
 #: Samples likewise, at least, where a zero-phase low-pass reached across it, and elsewhere.
 _MIXED_FILTERED: Final = 3
 _MIXED: Final = 1
+#: Driving without a stand is cut into manoeuvres of so long, in s: far longer than a loader drives
+#: between two stands, and of some dozen readings at 1 Hz.
+_DRIVES_S: Final = 60.0
 #: So long beside a gap nothing is fitted.
 _CLEAR_S: Final = 0.1
 #: Wheels of which less rolls say nothing of the ground's speed.
@@ -88,7 +91,8 @@ class Equation:
         force: in N.
         group: number of the stretch of each sample that may be fitted, -1 for the others.
         direction: 1 forwards, -1 in reverse, by manoeuvre.
-        unit: how often the machine has stood before: a load changes nowhere else.
+        unit: number of the manoeuvre: of what lies between two stands, or of a part of it where it
+            drives for long.
         rate_hz: of the grid.
         specific_force: the accelerometer along x, in m/s², where there is one.
         without_gravity: likewise with gravity's share by the pitch taken off.
@@ -101,6 +105,8 @@ class Equation:
         arms: angles of boom and bucket in rad, those that the log has: hints of a change of load.
         digs: which samples are of a start that digs, where that is known: it fills the bucket.
         empty: which samples are named as those of the empty machine, where any are.
+        stood: how often the machine has stood before, or was not seen: a load changes nowhere else;
+            None: the units say so.
     """
 
     acceleration: Floats
@@ -121,6 +127,7 @@ class Equation:
     arms: tuple[Floats, ...] = ()
     digs: Bools | None = None
     empty: Bools | None = None
+    stood: Ints | None = None
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -158,6 +165,7 @@ class Equation:
             arms=tuple(each[cut] for each in self.arms),
             digs=None if self.digs is None else self.digs[cut],
             empty=None if self.empty is None else self.empty[cut],
+            stood=None if self.stood is None else self.stood[cut],
         )
 
     @cached_property
@@ -191,8 +199,34 @@ class Equation:
         return replace(self, speed=self._moved_back(self.speed, delay_s))
 
     def _moved_back(self, x: Floats, late_s: float) -> Floats:
+        """By a cubic inside of stretches: a line between two rows is a low-pass on a slow grid."""
+        late = late_s * self.rate_hz
         rows = np.arange(x.size, dtype=np.float64)
-        return np.interp(rows + late_s * self.rate_hz, rows, x)
+        moved = np.interp(rows + late, rows, x)
+        whole = math.floor(late)
+        part = late - whole
+        if not part:
+            return moved
+        first, end = max(1 - whole, 0), min(x.size - 2 - whole, x.size)
+        if first >= end:
+            return moved
+        weights = (
+            -part * (part - 1.0) * (part - 2.0) / 6.0,
+            (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+            -(part + 1.0) * part * (part - 2.0) / 2.0,
+            (part + 1.0) * part * (part - 1.0) / 6.0,
+        )
+        from_row = first + whole - 1
+        cubic = sum(
+            weight * x[from_row + k : from_row + k + end - first]
+            for k, weight in enumerate(weights)
+        )
+        group = self.group[first:end]
+        inside = group >= 0
+        for row in (from_row, from_row + 3):
+            inside &= self.group[row : row + end - first] == group
+        moved[first:end] = np.where(inside, cubic, moved[first:end])
+        return moved
 
     @cached_property
     def used(self) -> Bools:
@@ -208,6 +242,11 @@ class Equation:
     def largest_speed(self) -> float:
         """The speed that it reaches, in m/s, likewise."""
         return float(np.quantile(np.abs(self.speed[self.used]), 0.95))
+
+    @cached_property
+    def mean_speed(self) -> float:
+        """How fast it drives on average, either way, in m/s."""
+        return float(np.mean(np.abs(self.speed[self.used])))
 
     @cached_property
     def about_kg(self) -> float:
@@ -280,13 +319,19 @@ def equation(
     level = None
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
+    stood = _standstills(excitation)
+    unit = stood
+    # one drive alone has no load to tell from another
+    if np.unique(stood[group >= 0]).size > 1:
+        unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
+    group = _cut_stretches(group, unit)
     return Equation(
         np.where(known, acceleration, 0.0),
         np.where(known, speed, 0.0),
         np.where(known, force, 0.0),
         group,
         _directions(group, np.where(known, speed, 0.0)),
-        _standstills(excitation),
+        unit,
         settings.align.rate_hz,
         measured,
         level,
@@ -299,6 +344,7 @@ def equation(
         tuple(values(aligned, name) for name in _ARMS if name in aligned.columns),
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
+        stood,
     )
 
 
@@ -310,9 +356,9 @@ def left_out_rows(aligned: pl.DataFrame) -> Bools:
 
 
 @compiled
-def ground_speed(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
-    """The ground's speed from that of wheels which slip by κ = F / C, (n,) in m/s."""
-    return speed / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
+def rolled_share(speed: Floats, force: Floats, slip_1_N: float) -> Floats:
+    """The share of the speed of wheels which slip by κ = F / C that is the ground's, (n,)."""
+    return 1.0 / np.maximum(1.0 + slip_1_N * force * np.sign(speed), _LEAST_GROUND)
 
 
 def begins(group: Ints) -> Bools:
@@ -334,6 +380,22 @@ def _standstills(excitation: pl.DataFrame) -> Ints:
     """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
+
+
+def _cut_drives(stood: Ints, longest: int) -> Ints:
+    """Number the manoeuvres: a drive of twice so many samples or more is cut into such, (n,)."""
+    cuts = np.append(True, stood[1:] != stood[:-1])
+    drive_begins = np.flatnonzero(cuts)
+    for first, end in zip(drive_begins, np.append(drive_begins[1:], stood.size), strict=True):
+        cuts[np.arange(first + longest, end - longest + 1, longest)] = True
+    return (np.cumsum(cuts) - 1 + stood[0]).astype(np.int64)
+
+
+def _cut_stretches(group: Ints, unit: Ints) -> Ints:
+    """The stretches, each of one manoeuvre, numbered anew, (n,)."""
+    used = group >= 0
+    cut = used & (begins(group) | np.append(False, unit[1:] != unit[:-1]))
+    return np.where(used, np.cumsum(cut) - 1, -1).astype(np.int64)
 
 
 def _weight(machine: Machine, acceleration: Floats, force: Floats, used: Bools) -> float:

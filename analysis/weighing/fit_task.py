@@ -11,7 +11,13 @@ from analysis.weighing.averages import Averages, EarlierRounds, RelativeLoads, a
 from analysis.weighing.effects import NARROW
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
 from analysis.weighing.ground import SOURCE
-from analysis.weighing.joint_result import JointFit, PriorMeans, place_of
+from analysis.weighing.joint_result import (
+    Estimated,
+    JointFit,
+    PriorMeans,
+    place_of,
+    resistance_slope,
+)
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.nuisances import (
     Nuisance,
@@ -34,8 +40,27 @@ _MOST_OFFSET: Final = 3.0
 _LONGEST_LAG_S: Final = 0.3
 #: What the wheels say of slip is never trusted beyond this share of its prior.
 _LEAST_SLIP: Final = 0.05
+#: The wheels' own acceleration tells slip where it leaves so much of its prior: where it left a
+#: third, slip was up to two deviations from what it was.
+_SLIP_IS_TOLD: Final = 0.1
 #: Fewer manoeuvres do not tell a drift from a change of load.
 _FEWEST_OF_DRIFT: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class _SlipCost:
+    """What a share of slip costs, by an earlier round.
+
+    Attributes:
+        mass_kg: that is accelerated, mean of the loads.
+        friction_N_s_m: what the resistance grows by with the speed.
+        slip_1_N: share of its speed that a newton makes the wheels slip, and its standard
+            deviation, where the wheels' own acceleration tells it; else None.
+    """
+
+    mass_kg: float
+    friction_N_s_m: float
+    slip_1_N: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -60,7 +85,7 @@ class FitTask:
     def begun(self) -> EarlierRounds:
         """What is known before anything was fitted."""
         return EarlierRounds(
-            slip_1_N=self._slip(),
+            slip_1_N=(self._wheels_slip() or (0.0, 0.0))[0],
             motion_gain=self._squat_gain(),
             speed_late_s=self._speed_late_s(),
             relative_loads=(loads := self._relative_loads()),
@@ -92,14 +117,12 @@ class FitTask:
         lag = place_of("lag", self.terms)
         std = np.zeros(len(self.terms))
         levels = None if self.states is None else self.states.levels(self.motion)
-        # behind the masses and friction
-        first = 2 if levels is None else levels.count + 1
         known = begin.found if begin else self.begun
         known = known if shift else replace(known, lag_s=0.0)
         solution, mean, known_s = None, std, 0.0
-        masses_and_friction = begin and begin.theta[: begin.count + 1]
+        cost = begin and self._cost(begin.theta, begin.solution, begin.terms)
         for number in range(rounds):
-            mean, std = self._priors(masses_and_friction)
+            mean, std = self._priors(cost)
             self._narrow_gain_drift(std)
             known_s = known.lag_s
             mean[lag] -= known_s
@@ -114,14 +137,18 @@ class FitTask:
                 np.concatenate([np.full(2, np.inf), std]),
                 Grouping(rows.direction, rows.shortest, levels),
             )
-            masses_and_friction = solution.theta[:first]
             if not np.isfinite(solution.theta).all():
                 break
+            cost = self._cost(solution.theta, solution, self.terms)
+            if cost.slip_1_N is not None and self._wheels_slip() is None:
+                known = replace(known, slip_1_N=cost.slip_1_N[0])
             known, moved = self._found(known, solution.theta, shift=shift)
             if number and moved < _LAG_FOUND_S:
                 break
         assert solution is not None
         theta = solution.theta.copy()
+        # behind the masses and friction
+        first = theta.size - len(self.terms)
         if shift:
             theta[first + lag] = known.lag_s
         return JointFit(
@@ -185,7 +212,7 @@ class FitTask:
 
     def units(self, fit: JointFit, rows: Averages) -> Units:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
-        mean, std = self._priors(fit.theta[: fit.count + 1])
+        mean, std = self._priors(self._cost(fit.theta, fit.solution, fit.terms))
         if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
             std[place_of("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
@@ -215,24 +242,33 @@ class FitTask:
         told = self.wheels is not None and self.motion.by_accelerometer
         return -self.wheels.squat[0] if self.wheels is not None and told else 0.0
 
-    def _slip(self) -> float:
-        """What share of its speed a newton makes the wheels slip."""
-        wheels = self.wheels
-        return wheels.slip_1_N[0] if wheels is not None and wheels.goes_together else 0.0
-
-    def _priors(self, masses_and_friction: Floats | None) -> tuple[Floats, Floats]:
-        """Means and widths; those of slip once mass and friction are known, by which it costs."""
+    def _priors(self, cost: _SlipCost | None) -> tuple[Floats, Floats]:
+        """Means and widths; those of slip once it is known what it costs."""
         std = np.array([term.width(self.motion, self.priors) for term in self.terms])
         mean = np.zeros(len(self.terms))
-        if masses_and_friction is not None:
-            *masses_kg, friction = masses_and_friction.tolist()
-            self._narrow_slip(friction, mean, std)
+        if cost is not None:
+            self._narrow_slip(cost, mean, std)
             if self.motion.wheel_acceleration is not None:
                 at = place_of("slip_acceleration", self.terms)
-                self._take_from_wheels(at, float(np.mean(masses_kg)), mean, std)
+                self._take_slip(at, cost.mass_kg, self._wheels_slip(), mean, std)
         for place, term in self._learnt_places():
             mean[place], std[place] = term.mean, term.std
         return mean, std
+
+    def _cost(self, theta: Floats, found: Estimated, terms: tuple[Nuisance, ...]) -> _SlipCost:
+        """What slip costs by what a round found of these terms."""
+        count = theta.size - 1 - len(terms)
+        mass_kg = float(np.mean(theta[:count]))
+        friction = max(resistance_slope(theta, terms, self.motion), 0.0)
+        if self.motion.wheel_acceleration is None or not mass_kg > 0.0:
+            return _SlipCost(mass_kg, friction, None)
+        place = place_of("slip_acceleration", terms)
+        std = float(found.fit.std[count + 1 + place])
+        if not std < _SLIP_IS_TOLD * terms[place].width(self.motion, self.priors):
+            return _SlipCost(mass_kg, friction, None)
+        return _SlipCost(
+            mass_kg, friction, (float(theta[count + 1 + place]) / mass_kg, std / mass_kg)
+        )
 
     def _narrow_gain_drift(self, std: Floats) -> None:
         """Leave out a drift of the gain where loads come back.
@@ -261,17 +297,24 @@ class FitTask:
             mean_u[place] = term.mean_u
         return PriorMeans(mean, mean_u)
 
-    def _narrow_slip(self, friction: float, mean: Floats, std: Floats) -> None:
+    def _narrow_slip(self, cost: _SlipCost, mean: Floats, std: Floats) -> None:
         """Slip costs friction · slip, and the wheels may tell it."""
         at = place_of("slip", self.terms)
-        friction = max(friction, 0.0)
+        friction = cost.friction_N_s_m
         std[at] = min(std[at], friction * self.priors.wheel_slip / self.motion.largest_force)
         std[at] = max(std[at], _LEAST_SLIP * self.priors.wheel_slip / self.motion.largest_speed)
-        self._take_from_wheels(at, -friction, mean, std)
+        self._take_slip(at, -friction, self._wheels_slip() or cost.slip_1_N, mean, std)
 
-    def _take_from_wheels(self, at: int, cost: float, mean: Floats, std: Floats) -> None:
-        """Set the prior of a term that is so many times the slip, where the wheels tell it."""
-        if self.wheels is not None and self.wheels.goes_together:
-            slip_1_N, u_1_N = self.wheels.slip_1_N
+    def _wheels_slip(self) -> tuple[float, float] | None:
+        """The slip and its standard deviation in 1/N, where wheels and accelerometer tell it."""
+        wheels = self.wheels
+        return wheels.slip_1_N if wheels is not None and wheels.goes_together else None
+
+    def _take_slip(
+        self, at: int, cost: float, slip: tuple[float, float] | None, mean: Floats, std: Floats
+    ) -> None:
+        """Set the prior of a term that is so many times the slip, where that is told."""
+        if slip is not None:
+            slip_1_N, u_1_N = slip
             mean[at] = cost * slip_1_N
             std[at] = np.hypot(cost * u_1_N, _LEAST_SLIP * std[at])

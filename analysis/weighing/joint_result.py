@@ -113,6 +113,11 @@ class JointFit:
         return float(self.theta[self.count])
 
     @property
+    def slope(self) -> float:
+        """What the resistance grows by with the speed, in N·s/m; it never falls."""
+        return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
+
+    @property
     def shared(self) -> Floats:
         """(1 + terms,) friction and terms of columns whose force has been moved back by its lag."""
         shared = self.theta[self.count :].copy()
@@ -262,7 +267,7 @@ class JointFit:
 
         They go together: the part of each is what is left of it once those before are known.
         """
-        wheels, friction = self.kinematics, max(self.viscous, 0.0)
+        wheels, friction = self.kinematics, self.slope
         if wheels is None or not wheels.goes_together:
             return {}
         moves = self._moves(weights)
@@ -277,7 +282,7 @@ class JointFit:
 
     def _moves(self, weights: Floats) -> Floats:
         """(3,) what slip, gain and delay of the wheels, one of each, move a sum of masses by."""
-        friction = max(self.viscous, 0.0)
+        friction = self.slope
         slip = self.count + 1 + place_of("slip", self.terms)
         # one standard deviation of the prior moves the masses by so much
         response = float(self.fit.responses[slip] @ weights)
@@ -305,7 +310,7 @@ class JointFit:
             gain = wheels.gain_by_prior[0]
         masses = self.theta[: self.count]
         by_load = 1.0 if self.squat is None else self.squat.factor
-        return (masses - max(self.viscous, 0.0) * late) / (1.0 + gain) / by_load
+        return (masses - self.slope * late) / (1.0 + gain) / by_load
 
     @property
     def mass_kg(self) -> float:
@@ -333,6 +338,19 @@ class JointFit:
 def root_sum_of_squares(parts_kg: dict[str, float]) -> float:
     """Standard uncertainty of parts that know nothing of each other, in kg."""
     return float(np.sqrt(sum(part**2 for part in parts_kg.values())))
+
+
+def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: Equation) -> float:
+    """What the resistance grows by with the speed, at the mean speed, in N·s/m.
+
+    Args:
+        theta: (p,) masses, viscous friction, terms.
+        terms: of the fit.
+        motion: how fast it drives.
+    """
+    first = theta.size - len(terms)
+    quadratic = float(theta[first + place_of("quadratic", terms)])
+    return float(theta[first - 1]) + 2.0 * quadratic * motion.mean_speed
 
 
 def place_of(name: str, terms: tuple[Nuisance, ...]) -> int:

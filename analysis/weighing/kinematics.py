@@ -21,7 +21,7 @@ from analysis.weighing.equation import (
     NoiseOfColumns,
     begins,
     ends,
-    ground_speed,
+    rolled_share,
 )
 from analysis.weighing.nuisances import const_width
 from analysis.weighing.pitch_squat import pitch_squat
@@ -329,7 +329,7 @@ def _compared_means(
         a, v, f = measured[part], speed[part], force[part]
         gained = (np.cumsum(a) - a / 2.0) * step_s
         # by the accelerometer: from the wheels it takes what it begins with, its tilt and its bias
-        slipping = ground_speed(v, f, slip_1_N) - gained
+        slipping = v * rolled_share(v, f, slip_1_N) - gained
         ground = np.abs(gained + slipping - without_line(slipping))
         rows = slice(row, row + counts[number])
         y[rows] = without_line(means(v - gained))

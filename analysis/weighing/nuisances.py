@@ -27,7 +27,8 @@ class Moments:
         acceleration: in m/s².
         wheel_acceleration: derivative of the wheels' speed where it multiplies the mass; else 0.
         speed: in m/s.
-        ground_speed: the same without the slip that the wheels are known to have.
+        rolled_share: of the speed that is the ground's, by the slip that the wheels are known to
+            have.
         force: that acts on the ground, in N, in time.
         force_rate: derivative of the measured force where it is more than noise, in N/s.
         direction: of each manoeuvre.
@@ -46,7 +47,7 @@ class Moments:
     acceleration: Floats
     wheel_acceleration: Floats
     speed: Floats
-    ground_speed: Floats
+    rolled_share: Floats
     force: Floats
     force_rate: Floats
     direction: Floats
@@ -61,6 +62,11 @@ class Moments:
     transfer_s2_m: float
     weight_shares: tuple[float, float]
 
+    @property
+    def ground_speed(self) -> Floats:
+        """(n,) the speed without that slip, in m/s."""
+        return self.rolled_share * self.speed
+
     def at(self, rows: Ints) -> "Moments":
         """The same of some of the samples."""
         return replace(
@@ -68,7 +74,7 @@ class Moments:
             acceleration=self.acceleration[rows],
             wheel_acceleration=self.wheel_acceleration[rows],
             speed=self.speed[rows],
-            ground_speed=self.ground_speed[rows],
+            rolled_share=self.rolled_share[rows],
             force=self.force[rows],
             force_rate=self.force_rate[rows],
             direction=self.direction[rows],
@@ -241,7 +247,11 @@ NUISANCES: Final = (
         "kg/N",
         lambda m: (
             -(1.0 + m.relative_load)
-            * (np.sign(m.speed) * m.wheel_acceleration * m.force + np.abs(m.speed) * m.force_rate)
+            * m.rolled_share
+            * (
+                np.sign(m.speed) * m.wheel_acceleration * m.force
+                + np.abs(m.ground_speed) * m.force_rate
+            )
         ),
         lambda e, s: e.about_kg * s.wheel_slip / e.largest_force,
         "longitudinal slip: wheels gain speed that the machine does not",

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from analysis.weighing.averages import RelativeLoads
-from analysis.weighing.equation import Equation, Floats, begins, ends, ground_speed
+from analysis.weighing.equation import Equation, Floats, begins, ends, rolled_share
 from analysis.weighing.kinematics import Kinematics
 from analysis.weighing.pitch_squat import instrumented, squats_of_stretches
 from estimators.autocorrelation import student_factor
@@ -133,7 +133,7 @@ def _stretches(motion: Equation, wheels: Kinematics, loads: RelativeLoads) -> li
     known = wheels.goes_together
     delay_s, slip_1_N = (wheels.delay_s[0], wheels.slip_1_N[0]) if known else (0.0, 0.0)
     in_time = motion.with_speed_moved_back(delay_s)
-    ground = ground_speed(in_time.speed, motion.force, slip_1_N)
+    ground = in_time.speed * rolled_share(in_time.speed, motion.force, slip_1_N)
     relative = loads.at(motion.unit)
     first, last = np.flatnonzero(begins(motion.group)), np.flatnonzero(ends(motion.group))
     found: list[_Stretch] = []

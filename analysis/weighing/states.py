@@ -189,8 +189,9 @@ def places(motion: Equation) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
-        1 where only the masses can, `HINTED` where the boom or the bucket moved as well, `FILLED`
-        where the machine dug, `NAMED` where the time begins or ends in which it is named as empty.
+        0 where the machine drove on, 1 where only the masses can, `HINTED` where the boom or the
+        bucket moved as well, `FILLED` where the machine dug, `NAMED` where the time begins or ends
+        in which it is named as empty.
     """
     used = np.flatnonzero(motion.used)
     first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
@@ -215,6 +216,8 @@ def _place(motion: Equation, end: int, begin: int, since: int, until: int) -> in
         return FILLED
     if motion.empty is not None and motion.empty[end] != motion.empty[begin]:
         return NAMED
+    if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
+        return 0
     moved = any(_range(arm[since : until + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
     return HINTED if moved else 1
 

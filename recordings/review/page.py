@@ -176,6 +176,7 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
     found: list[tuple[str, str]] = []
     if shift["cycles_counted"]:
         found += [
+            ("payload", "what a haul starts with: what pours on the way is not taken off"),
             ("interval", "95 % (k = 2)"),
             ("of that, repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
             (

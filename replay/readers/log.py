@@ -17,6 +17,9 @@ from analysis.run import Loss
 from estimators.errors import LogError
 from estimators.file_digest import file_sha256
 
+#: The one topic of a table.
+TABLE: Final = "table"
+
 
 @dataclass(frozen=True, slots=True)
 class Checked:

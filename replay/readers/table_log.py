@@ -12,14 +12,13 @@ from analysis.run import Loss
 from estimators.errors import LogError, nearest
 from replay.messages.broken import BrokenBytesError
 from replay.readers.csv_table import CsvColumns
-from replay.readers.log import Checked, Log, TimeAxis
+from replay.readers.log import TABLE, Checked, Log, TimeAxis
 from replay.readers.storage import LossList
 from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
 
 if TYPE_CHECKING:
     from replay.readers.parquet_columns import ParquetColumns
 
-TOPIC: Final = "table"
 _FORMATS: Final = {"csv": "CSV table", "parquet": "Parquet table"}
 #: Columns that an error names.
 _NAMED: Final = 20
@@ -93,7 +92,7 @@ class TableLog(Log):
         backwards = int((times.drop_nulls().diff() < 0).sum())
         if backwards:
             self._losses.note(
-                self.path, f"the time goes back at {backwards} rows: sorted by time", TOPIC
+                self.path, f"the time goes back at {backwards} rows: sorted by time", TABLE
             )
         return times.alias("log_time_ns")
 
@@ -109,8 +108,8 @@ class TableLog(Log):
     def topics(self) -> pl.DataFrame:
         """The one topic; see `Log.topics`."""
         row = {
-            "topic": TOPIC,
-            "type": TOPIC,
+            "topic": TABLE,
+            "type": TABLE,
             "encoding": self._suffix,
             **self._timing(self._times.drop_nulls().to_numpy()),
             "fields": self._fields(),
@@ -127,8 +126,8 @@ class TableLog(Log):
     def _read(
         self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
     ) -> pl.DataFrame:
-        if topic != TOPIC:
-            raise LogError(f"{self.path}: no topic '{topic}'; a table has the one topic '{TOPIC}'")
+        if topic != TABLE:
+            raise LogError(f"{self.path}: no topic '{topic}'; a table has the one topic '{TABLE}'")
         choices = self._fields()
         for field in fields:
             if field not in choices:
@@ -179,7 +178,7 @@ class TableLog(Log):
                 self.path,
                 f"{faults.len()} cells of column '{text.name}' are no numbers, "
                 f"the first is '{faults[0]}'",
-                TOPIC,
+                TABLE,
             )
         return numbers
 
@@ -192,7 +191,7 @@ class TableLog(Log):
             try:
                 column = self._values(name) if name in fields else self._column(name)
             except LogError as error:
-                self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TOPIC)
+                self._losses.note(self.path, str(error).removeprefix(f"{self.path}: "), TABLE)
             else:
                 message_bytes += int(column.estimated_size())
         return Checked(self._times.count(), message_bytes, crcs=0)

@@ -25,7 +25,7 @@ from replay.commands.fleet import app as fleet_app
 from tests.replay.sledge import MACHINE, sledge
 
 #: Tables of the small campaign, some seconds each, and of the slow one.
-TABLES, MANY_TABLES = 4, 60
+TABLES, MANY_TABLES = 2, 60
 
 
 @pytest.fixture(autouse=True)

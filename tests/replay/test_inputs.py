@@ -76,15 +76,14 @@ def test_a_column_of_whole_numbers_in_one_log_joins_fractions_in_the_next(
     assert joined["force_N"][99:101].to_list() == [0.0, whole["force_N"][100]]
 
 
-def test_tables_that_both_begin_at_zero_are_refused_not_shuffled_into_one(
-    machine_file: Path,
-) -> None:
+def test_tables_of_one_time_are_refused_not_shuffled_into_one(machine_file: Path) -> None:
     """Each sample of the one would stand between two of the other: a mass of neither."""
-    other = sledge(mass_kg=200.0).with_columns(pl.col("time_s") + 0.005)
+    first = sledge().with_columns(pl.col("time_s") + 5000.0)
+    other = sledge(mass_kg=200.0).with_columns(pl.col("time_s") + 5000.005)
     with pytest.raises(
         LogError, match=r"part_1\.csv.* begins 39\.985 s before it ends in .*0\.csv"
     ):
-        read(machine_file, sledge(), other)
+        read(machine_file, first, other)
 
 
 def test_a_topic_that_is_wholly_damaged_is_refused_with_what_was_lost(
