@@ -182,8 +182,8 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
         if module.startswith("replay.readers")
     }
     # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
-    # a storage without folders, holds
-    assert names == {"Checked", "Log", "TimeAxis", "logs_among", "logs_in", "open_log"}
+    # a storage without folders, holds; `TABLE` is the one topic of a table
+    assert names == {"TABLE", "Checked", "Log", "TimeAxis", "logs_among", "logs_in", "open_log"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=shown)

@@ -58,6 +58,8 @@ _DIFFER_SHARE: Final = 0.02
 #: a product (slip) is not that of means. Cars at 1 Hz whose wheels slip were 1 to 3 % off.
 _MEANS_OF_ROWS: Final = (1, 2, 4)
 _DIFFER_SHARE_OF_ROWS: Final = 0.002
+#: What no mean shows there, as a share of the mass a second of step: a bus at 1 Hz was 0.3 % off.
+_ROW_SHARE_1_S: Final = 0.003
 #: A stretch holds at least so many means that have no sample in common.
 _MEANS_A_STRETCH: Final = 6
 #: So many stretches tell which mean is best.
@@ -150,22 +152,27 @@ def _averaging_share(by_length: list[JointFit], place: int) -> float:
     best, longer = by_length[place], by_length[place + 1 :]
     if best.mass_kg == 0.0:
         return 0.0
-    share = _DIFFER_SHARE_OF_ROWS if by_length[0].mean_samples == 1 else _DIFFER_SHARE
-    if any(_differ(best, other, share) for other in longer):
+    rows = by_length[0].mean_samples == 1
+    if any(_differ(best, other, rows=rows) for other in longer):
         # anywhere between the two is as likely
         return (longer[-1].mass_kg / best.mass_kg - 1.0) / float(np.sqrt(3.0))
-    if not longer and place and _differ(best, by_length[place - 1], share):
+    if not longer and place and _differ(best, by_length[place - 1], rows=rows):
         # the longest has no other but the shorter, and may still be as far from the truth
         return 1.0 - by_length[place - 1].mass_kg / best.mass_kg
-    return 0.0
+    return _ROW_SHARE_1_S / best.motion.rate_hz if rows else 0.0
 
 
-def _differ(one: JointFit, other: JointFit, share: float) -> bool:
-    """Whether means of two lengths give masses that their uncertainties do not explain."""
+def _differ(one: JointFit, other: JointFit, *, rows: bool) -> bool:
+    """Whether means of two lengths give masses that their uncertainties do not explain.
+
+    Of single rows any difference that counts is one: noise that makes it is no excuse.
+    """
+    difference_kg = abs(one.mass_kg - other.mass_kg)
+    if rows:
+        return difference_kg > _DIFFER_SHARE_OF_ROWS * abs(one.mass_kg)
     first, second = one.u_kg, other.u_kg
     expected_kg = float(np.sqrt(max(abs(first**2 - second**2), min(first, second) ** 2 / 4.0)))
-    difference_kg = abs(one.mass_kg - other.mass_kg)
-    return difference_kg > max(_DIFFER * expected_kg, share * abs(one.mass_kg))
+    return difference_kg > max(_DIFFER * expected_kg, _DIFFER_SHARE * abs(one.mass_kg))
 
 
 def again(
