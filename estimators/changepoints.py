@@ -182,7 +182,10 @@ def _two_levels(level: Floats, variance: Floats, kind: Ints) -> Ints:
     weight = (1.0 / variance)[order]
     below, first = np.cumsum(weight)[:-1], np.cumsum(weight * level[order])[:-1]
     total, whole = below[-1] + weight[-1], first[-1] + weight[-1] * level[order[-1]]
-    between = first**2 / below + (whole - first) ** 2 / (total - below)
+    above = total - below
+    # units that weigh next to nothing beside the others part nothing
+    between = np.divide(first**2, below, out=np.zeros(below.size), where=below > 0.0)
+    between += np.divide((whole - first) ** 2, above, out=np.zeros(below.size), where=above > 0.0)
     heavy = level > level[order[int(np.argmax(between))]]
     return np.append(0, np.cumsum((np.diff(heavy) != 0) & (kind > 0)))
 

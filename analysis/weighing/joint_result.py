@@ -349,7 +349,8 @@ def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: Equatio
         motion: how fast it drives.
     """
     first = theta.size - len(terms)
-    quadratic = float(theta[first + place_of("quadratic", terms)])
+    # air does not push
+    quadratic = max(float(theta[first + place_of("quadratic", terms)]), 0.0)
     return float(theta[first - 1]) + 2.0 * quadratic * motion.mean_speed
 
 
