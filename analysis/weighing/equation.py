@@ -320,10 +320,7 @@ def equation(
     if measured is not None and pitch is not None:
         level = measured - machine.machine.gravity_m_s2 * np.sin(pitch)
     stood = _standstills(excitation)
-    unit = stood
-    # one drive alone has no load to tell from another
-    if np.unique(stood[group >= 0]).size > 1:
-        unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
+    unit = _cut_drives(stood, rows_in(_DRIVES_S, settings.align.rate_hz))
     group = _cut_stretches(group, unit)
     return Equation(
         np.where(known, acceleration, 0.0),
