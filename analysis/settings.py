@@ -372,7 +372,6 @@ class VerdictLimits(BaseModel):
     wheels_max: float = Field(
         0.02,
         gt=0,
-        le=1,
         description="largest disagreement of wheels and accelerometer, as a share of the speed",
     )
     scatter_max: float = Field(

@@ -348,10 +348,11 @@ def resistance_slope(theta: Floats, terms: tuple[Nuisance, ...], motion: Equatio
         terms: of the fit.
         motion: how fast it drives.
     """
-    first = theta.size - len(terms)
+    viscous, *found = theta[-1 - len(terms) :].tolist()
+    by_name = dict(zip((term.name for term in terms), found, strict=True))
+    quadratic = by_name.get("quadratic", 0.0)
     # air does not push
-    quadratic = max(float(theta[first + place_of("quadratic", terms)]), 0.0)
-    return float(theta[first - 1]) + 2.0 * quadratic * motion.mean_speed
+    return viscous if quadratic <= 0.0 else viscous + 2.0 * quadratic * motion.mean_speed
 
 
 def place_of(name: str, terms: tuple[Nuisance, ...]) -> int:
