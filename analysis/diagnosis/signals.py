@@ -192,7 +192,8 @@ def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading
     others = [
         (*series, changes * float(np.quantile(series[1], 0.98) - np.quantile(series[1], 0.02)))
         for key, series in channels.items()
-        if key != name
+        # where it is, a coarse channel may not show
+        if key != name and (never or key not in _BESIDE)
     ]
     surely = [
         run for run in runs if any(_changes(*each, run.begin_ns, run.end_ns) for each in others)

@@ -36,11 +36,13 @@ class TestWheelsAgainstTheAccelerometer:
         assert abs(found.error_u) <= 2.0
 
     @pytest.mark.parametrize("noise_m_s", [0.01, 0.3])
-    def test_one_that_moves_it_withholds(self, noise_m_s: float, tmp_path: Path) -> None:
+    def test_one_that_moves_it_leaves_no_answer(self, noise_m_s: float, tmp_path: Path) -> None:
         car = driven(noise_m_s)
         deaf = np.where(np.sin(2.0 * np.pi * car.t / 13.0) > 0.0, 1.0, 0.3)
         found = car.but(acc=car.acc * deaf).replayed(tmp_path)
-        assert "wheels" in {check.check for check in found.verdict.failed("mass")}
+        # minutes that disagree make the answer poor, beside which the wheels may be near
+        assert {check.check for check in found.verdict.failed("mass")} & {"wheels", "relative_u"}
+        assert found.check("wheels").passed is False
         assert "by the wheels alone the mass moves by" in found.check("wheels").meaning
 
     def test_of_an_acceleration_by_the_wheels_the_accelerometer_is_the_other_one(
