@@ -169,7 +169,11 @@ WITHHELD: Final[dict[str, dict[str, Any]]] = {
         }
     },
     "standstill only": {"campaign": {"manoeuvres": [{"kind": "rest"}]}},
-    "digging": _start(digging_N=3000.0, digging_s=3.0),
+    # a pile lies before the bucket
+    "digging": {
+        **_start(digging_N=3000.0, digging_s=3.0),
+        "starts": {"directions": "as listed"},
+    },
     "IMU low-passed 200 ms": {"defects": {"imu_lag_s": 0.2}},
     "force clock +1 %": {"sampling": {"torque_clock_ppm": 10_000.0}},
 }
