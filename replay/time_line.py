@@ -34,9 +34,11 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
         LogError: logs that count from 0 and hold some in common.
     """
     none = dict.fromkeys(logs, 0)
+    if len(logs) < 2:
+        return none
     tables = {log: log.topics().filter(pl.col("topic").is_in(list(wanted))) for log in logs}
     tables = {log: table.filter(pl.col("messages") > 0) for log, table in tables.items()}
-    if len(logs) < 2 or any(table.is_empty() for table in tables.values()):
+    if any(table.is_empty() for table in tables.values()):
         return none
     if any(not 0 <= _first_ns(table) < _FROM_ZERO_NS for table in tables.values()):
         return none
@@ -52,7 +54,8 @@ def offsets_ns(logs: Sequence[Log], wanted: Mapping[str, Sequence[str]]) -> dict
             "hold some channels in common: logs that follow one another hold the same channels, "
             "logs that run side by side none in common; or give them a time since 1970"
         )
-    found, at_ns = none, 0
+    found: dict[Log, int] = {}
+    at_ns = 0
     for log, table in tables.items():
         found[log] = at_ns
         slowest_s = _BETWEEN_PERIODS / float(table["rate_hz"].fill_null(1.0).to_numpy().min())

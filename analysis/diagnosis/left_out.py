@@ -6,7 +6,7 @@ what else is wrong with that channel, and there is none.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -32,16 +32,12 @@ class LeftOut:
     """What a check names, and the answer without it.
 
     Attributes:
-        rows: (n,) of the grid.
         fitted_s: how much of it the fit had.
-        kg: by how much the mass moves without it; NaN where nothing is left to weigh by.
-        moved_u: the same in standard uncertainties of the answer without it, its size; infinite
-            where nothing is left.
+        moved_u: by how much the mass moves without it, in standard uncertainties of the answer
+            without it; infinite where nothing is left.
     """
 
-    rows: Bools
     fitted_s: float
-    kg: float
     moved_u: float
 
     @property
@@ -102,10 +98,10 @@ def without_named(
         if not held.any() or weighing is None:
             continue
         fitted = int(np.count_nonzero(held & _in_what_is_weighed(weighing)))
-        found = LeftOut(held, fitted / machine.settings.align.rate_hz, 0.0, 0.0)
+        found = LeftOut(fitted / machine.settings.align.rate_hz, 0.0)
         if fitted:
             without = weighed(aligned.with_columns(left_out=pl.Series(rows | held)))
-            found = _compared(found, weighing, without)
+            found = LeftOut(found.fitted_s, _moved_u(weighing, without))
             weighing = without if found.is_harmless else weighing
         named[check] = found
         if found.is_harmless:
@@ -132,12 +128,11 @@ def _in_what_is_weighed(weighing: Weighing) -> Bools:
     return motion.used | np.isin(motion.unit, [each.unit for each in weighing.growing])
 
 
-def _compared(named: LeftOut, whole: Weighing, without: Weighing | None) -> LeftOut:
+def _moved_u(whole: Weighing, without: Weighing | None) -> float:
     if without is None:
-        return replace(named, kg=np.nan, moved_u=np.inf)
-    kg = apart_kg(without.fit, whole.fit)
-    moved_u = abs(kg) / without.fit.u_kg
-    return replace(named, kg=kg, moved_u=moved_u if np.isfinite(moved_u) else np.inf)
+        return np.inf
+    moved_u = abs(apart_kg(without.fit, whole.fit)) / without.fit.u_kg
+    return moved_u if np.isfinite(moved_u) else np.inf
 
 
 def _looks_back(machine: Machine) -> int:

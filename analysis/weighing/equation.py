@@ -311,7 +311,7 @@ def equation(
     )
     # a lag moves the force, and its derivative looks to both sides: neither into a gap
     clear = rows_in(_CLEAR_S, settings.align.rate_hz)
-    silent = ~known | left_out_rows(aligned)
+    silent = ~known | _left_out(aligned)
     near_gap = windows_with(silent, clear) | windows_with(silent[::-1], clear)[::-1]
     group = _runs(np.where(near_gap, -1, group), np.where(known, speed, 0.0), mixed)
     measured = _column(aligned, "specific_force_x_m_s2", known)
@@ -345,7 +345,7 @@ def equation(
     )
 
 
-def left_out_rows(aligned: pl.DataFrame) -> Bools:
+def _left_out(aligned: pl.DataFrame) -> Bools:
     """Which rows of the grid say nothing, (n,)."""
     if "left_out" not in aligned.columns:
         return np.zeros(aligned.height, np.bool_)
