@@ -48,6 +48,8 @@ _SPAN: Final = 10
 #: Faster changes than this are noise, not driving; at most this share of the rate.
 _FAST_HZ: Final = 10.0
 _FAST_SHARE: Final = 0.25
+#: Periods in a block below which white noise comes out too large: by half at one, a tenth at two.
+_LEAKS: Final = 3.0
 #: The band above that which tells how much there is below it, as a multiple.
 _BAND: Final = 2.5
 #: Lags that count as correlated where the power at zero frequency is asked for.
@@ -56,7 +58,8 @@ _CORRELATED: Final = 24
 
 def fast_band(rate_hz: float) -> tuple[float, float]:
     """Lowest frequency at which all is noise, and the top of the band above it, over the rate."""
-    fast = min(_FAST_HZ / rate_hz, _FAST_SHARE)
+    # faster noise leaks into the lowest frequencies of a block
+    fast = min(max(_FAST_HZ / rate_hz, _LEAKS / _BLOCK), _FAST_SHARE)
     return fast, min(_BAND * fast, 0.5)
 
 

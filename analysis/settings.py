@@ -243,6 +243,12 @@ class PriorSettings(BaseModel):
     gain_drift: float = Field(
         0.03, gt=0, description="prior of the change of the force's gain over the log, as a share"
     )
+    place_share: float = Field(
+        0.3,
+        gt=0,
+        description="prior of a force that depends on the place on a short path that is driven to "
+        "and fro (a spring, gravity), over the force",
+    )
     gain: float = Field(0.005, gt=0, description="prior of the accelerometer's gain less 1")
     gain_by_load: float = Field(
         0.1,

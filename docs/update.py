@@ -36,7 +36,7 @@ from analysis.simulation.defects import SimulatedDefects
 from analysis.simulation.drivetrain import SimulatedDrivetrain
 from analysis.simulation.instruments import SimulatedRecorder, SimulatedSensors
 from analysis.simulation.loading import SimulatedLoading
-from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start
+from analysis.simulation.manoeuvres import Arc, Excite, Rest, Spin, Start, Travel
 from analysis.simulation.rolling import SimulatedRolling
 from analysis.simulation.sampling import SimulatedSampling
 from analysis.simulation.scenario import SimulatedCampaign, SimulatedMachine, SimulatedTerrain
@@ -118,7 +118,7 @@ def scenario_tables() -> str:
             ("shift", SimulatedShift),
         )
     ]
-    for kind in (Rest, Start, Spin, Arc, Excite):
+    for kind in (Rest, Start, Spin, Arc, Excite, Travel):
         name = kind.model_fields["kind"].default
         sections.append((f'`[[campaign.manoeuvres]]` `kind = "{name}"`', kind))
     sections += [("`force` of an excitation", ForceWave), ("`torque`", TorqueWave)]

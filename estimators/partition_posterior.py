@@ -175,14 +175,19 @@ def _added(values: Floats, level: Ints) -> Floats:
 
 
 def _solved(whole: Floats, right: Floats) -> tuple[Floats, float]:
-    """The solution of normal equations and the logarithm of their determinant."""
+    """The solution of normal equations and the logarithm of their determinant.
+
+    Where they are singular in their last digits, both are of what they determine.
+    """
     if not right.size:
         return right, 0.0
     # once factored, both are at hand; numpy's own pair takes three times as long
     factor, solution, fault = dposv(whole, right)
     if fault:
-        solution = np.asarray(np.linalg.solve(whole, right), np.float64)
-        return solution, float(np.linalg.slogdet(whole)[1])
+        values, vectors = np.linalg.eigh(whole)
+        kept = values > np.finfo(np.float64).eps * values.size * values[-1]
+        values, vectors = values[kept], vectors[:, kept]
+        return vectors @ (vectors.T @ right / values), float(np.log(values).sum())
     return solution, 2.0 * float(np.log(factor.diagonal()).sum())
 
 

@@ -20,6 +20,8 @@ from analysis.weighing.equation import Equation
 
 #: Each cause more must explain so much (squared deviations) to be there.
 _A_CAUSE: Final = 9.0
+#: Rows so far apart, in s, are taken for independent where motions are compared.
+INDEPENDENT_S: Final = 0.2
 #: So many deviations a standing reading must be, and this size, to be one.
 DEVIATIONS: Final = 5.0
 LEAST_M_S2: Final = 0.004

@@ -7,11 +7,19 @@ import numpy as np
 
 from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
-from analysis.findings.constants import DEVIATIONS, LEAST_M_S2, constants, gravity, has_pitch
+from analysis.findings.constants import (
+    DEVIATIONS,
+    INDEPENDENT_S,
+    LEAST_M_S2,
+    constants,
+    gravity,
+    has_pitch,
+)
 from analysis.findings.mending import mended
 from analysis.findings.motions import accelerated
 from analysis.findings.share_seen import share_seen
 from analysis.findings.timing import low_pass
+from analysis.own_rate import rows_in
 from analysis.phases import beside_speed_rate
 from analysis.schema import values
 from analysis.units import to_si
@@ -121,10 +129,12 @@ def _yaw(case: Case) -> list[Sign]:
     used &= np.isfinite(rate) & np.isfinite(ahead) & np.isfinite(left)
     if used.sum() < 200:
         return []
-    step = round(settings.align.rate_hz / 5.0)
+    step = rows_in(INDEPENDENT_S, settings.align.rate_hz)
     x, a, y = (each[used][::step] for each in (rate, ahead, left))
     x, a, y = x - x.mean(), a - a.mean(), y - y.mean()
     power = float(x @ x)
+    if power == 0.0:
+        return []
     along, across = float(x @ a) / power, float(x @ y) / power
     std = float(np.sqrt(((y - across * x) ** 2).sum() / max(x.size - 2, 1) / power))
     if along <= 0.0:

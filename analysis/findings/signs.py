@@ -8,6 +8,7 @@ import numpy as np
 from analysis.diagnosis.evidence import Floats
 from analysis.findings.case import ACC, Case
 from analysis.findings.cause import Sign
+from analysis.findings.constants import INDEPENDENT_S
 from analysis.findings.mending import anew, mended
 from analysis.findings.share_seen import share_seen
 from analysis.own_rate import rows_in
@@ -170,9 +171,11 @@ def swapped(case: Case) -> list[Sign]:
     used = np.isfinite(turns) & np.isfinite(rate) & ~case.stands
     if used.sum() < 200:
         return []
-    step = round(case.machine.settings.align.rate_hz / 5.0)
+    step = rows_in(INDEPENDENT_S, case.machine.settings.align.rate_hz)
     x, y = rate[used][::step], turns[used][::step]
     if float(np.sqrt((x**2).mean())) < _TURNS_RAD_S:
+        return []
+    if not y.any():
         return []
     together = float(x @ y) / float(np.sqrt((x @ x) * (y @ y)))
     if together > -_SIGN:

@@ -1,6 +1,8 @@
 """Between motor and ground: limits of the motor, losses, rotating parts, a soft driveline."""
 
-from pydantic import BaseModel, ConfigDict, Field
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
 class SimulatedDrivetrain(BaseModel):
@@ -35,6 +37,15 @@ class SimulatedDrivetrain(BaseModel):
         description="equivalent mass of rotating parts, which the measured force accelerates "
         "besides what is weighed",
     )
+    gear_up_m_s: tuple[float, ...] = Field(
+        default=(), max_length=20, description="speeds at which a gearbox shifts up, ascending"
+    )
+    gear_rotating_kg: tuple[float, ...] = Field(
+        default=(),
+        max_length=21,
+        description="equivalent mass of what rotates in each gear, besides rotating_kg: one more "
+        "than gear_up_m_s",
+    )
     resonance_hz: float = Field(
         default=0.0,
         ge=0,
@@ -55,3 +66,17 @@ class SimulatedDrivetrain(BaseModel):
         description="distance over which the tyres' slip follows their force "
         "(needs machine.slip_stiffness_N)",
     )
+
+    @model_validator(mode="after")
+    def _each_gear_has_its_parts(self) -> Self:
+        shifts, rotating_kg = self.gear_up_m_s, self.gear_rotating_kg
+        if (shifts or rotating_kg) and len(rotating_kg) != len(shifts) + 1:
+            raise ValueError(
+                f"gear_rotating_kg: {len(rotating_kg)} of {len(shifts) + 1} gears; "
+                "give one more than gear_up_m_s"
+            )
+        if list(shifts) != sorted(set(shifts)) or any(speed <= 0.0 for speed in shifts):
+            raise ValueError("gear_up_m_s: give ascending speeds above 0")
+        if any(not 0.0 <= mass_kg <= 1e5 for mass_kg in rotating_kg):
+            raise ValueError("gear_rotating_kg: a mass is between 0 and 1e5 kg")
+        return self

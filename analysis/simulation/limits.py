@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.simulation.arc import arc_phases
 from analysis.simulation.body import RigidBody
-from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start
+from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Spin, Start, Travel
 from analysis.simulation.recorder import rate_hz, topics_of
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.switches import check_switches
@@ -108,6 +108,8 @@ class _Limits:
                 self._excite(manoeuvre, key)
             case Arc():
                 self._arc(manoeuvre, key)
+            case Travel():
+                self._travel(manoeuvre, key)
             case _:
                 pass
 
@@ -177,6 +179,15 @@ class _Limits:
         if highest_N_m > _TOP_YAW_RATE_RAD_S * slow:
             raise ScenarioError(f"{key}.torque: turns faster than {_TOP_YAW_RATE_RAD_S:g} rad/s")
         self._brakes(-abs(light.uphill_m_s2))
+
+    def _travel(self, travel: Travel, key: str) -> None:
+        campaign = self.scenario.campaign
+        if travel.in_motion and (len(campaign.trial) > 1 or campaign.runs > 1 or campaign.rest_s):
+            raise ScenarioError(
+                f"{key}.in_motion: such a log is one travel; leave out other manoeuvres, and give "
+                "campaign.runs = 1 and campaign.rest_s = 0"
+            )
+        self._brakes(-abs(self.lightest.uphill_m_s2))
 
     def _arc(self, arc: Arc, key: str) -> None:
         time_s = np.linspace(0.0, arc.ramp_s * 2.0 + arc.duration_s, 200)

@@ -337,6 +337,8 @@ class MachineDriver:
         resistance_N += self.rolling_resistance(stage.mass_kg, speed, turned)
         needed_N = (
             self._plant.friction_N_s_m * viscous * speed
+            + self._plant.air_N_s2_m2 * abs(speed) * speed
+            + self.facing * self._plant.spring_N_m * self.position_m
             + stage.mass_kg * self.uphill_m_s2()
             + stage.fill_kg_s * speed
             + sign * resistance_N

@@ -1,4 +1,4 @@
-"""Manoeuvres of the machine, one after the other; each begins and ends standing."""
+"""Manoeuvres of the machine, one after the other, from standing to standing but for a travel."""
 
 from typing import Annotated, Literal, Self, TypeAlias
 
@@ -90,4 +90,50 @@ class Excite(_Manoeuvre):
         return self
 
 
-Manoeuvre: TypeAlias = Annotated[Rest | Start | Spin | Arc | Excite, Field(discriminator="kind")]
+class Travel(_Manoeuvre):
+    """Drive straight ahead at speeds that are held for a while each, perhaps with stands between.
+
+    The pedal follows the difference to the speed that is wanted.
+    """
+
+    kind: Literal["travel"] = "travel"
+    duration_s: float = Field(default=300.0, gt=0, le=36_000, description="how long it is driven")
+    speed_least_m_s: float = Field(default=5.0, gt=0, le=50, description="least speed held")
+    speed_most_m_s: float = Field(default=15.0, gt=0, le=50, description="highest speed held")
+    hold_least_s: float = Field(default=4.0, gt=0, le=3600, description="least time at a speed")
+    hold_most_s: float = Field(default=12.0, gt=0, le=3600, description="longest time at a speed")
+    acceleration_m_s2: float = Field(
+        default=1.0, gt=0, le=20, description="at which the wanted speed rises and falls"
+    )
+    response_s: float = Field(
+        default=0.5,
+        ge=0.01,
+        le=10,
+        description="the pedal asks for the mass times the missing speed over this",
+    )
+    stop_share: float = Field(
+        default=0.3, ge=0, le=1, description="share of the held speeds after which it stands"
+    )
+    stand_least_s: float = Field(default=1.0, ge=0, le=3600, description="shortest stand")
+    stand_most_s: float = Field(default=5.0, ge=0, le=3600, description="longest stand")
+    to_and_fro: bool = Field(default=False, description="after each stand it drives the other way")
+    motor_brakes: bool = Field(
+        default=False, description="the motor slows it, and the force sensors see that in full"
+    )
+    in_motion: bool = Field(default=False, description="the log begins and ends while it drives")
+
+    @model_validator(mode="after")
+    def _ranges_ascend(self) -> Self:
+        for least, most in (
+            ("speed_least_m_s", "speed_most_m_s"),
+            ("hold_least_s", "hold_most_s"),
+            ("stand_least_s", "stand_most_s"),
+        ):
+            if getattr(self, least) > getattr(self, most):
+                raise ValueError(f"{least!r} is greater than {most!r}")
+        return self
+
+
+Manoeuvre: TypeAlias = Annotated[
+    Rest | Start | Spin | Arc | Excite | Travel, Field(discriminator="kind")
+]

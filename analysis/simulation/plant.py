@@ -56,7 +56,7 @@ def _motor(asked_N: float, speed_m_s: float, plant: Plant) -> float:
 
 @inlined
 def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> float:
-    """The commanded drive force."""
+    """The commanded drive force; of a pedal, the speed that its wave wants."""
     since_s = t - stage.begin_s
     if wave.size:
         place = since_s / wave_step_s
@@ -66,6 +66,25 @@ def _asked(t: float, stage: DriveStage, wave: Floats, wave_step_s: float) -> flo
         back = 0.5 - 0.5 * math.cos(stage.stick_rad_s * since_s)
         return stage.drive_N * (1.0 - stage.stick_share * back)
     return stage.drive_N
+
+
+@inlined
+def _pedalled(wanted_m_s: float, speed_m_s: float, stage: DriveStage) -> tuple[float, float]:
+    """Drive force and force of the brakes that a pedal asks for."""
+    ahead_N = stage.way * stage.pedal_N_s_m * (wanted_m_s - speed_m_s)
+    if ahead_N >= 0.0:
+        return stage.way * min(ahead_N, stage.most_drive_N), 0.0
+    slowing_N = stage.way * min(-ahead_N, stage.most_brake_N)
+    return (-slowing_N, 0.0) if stage.motor_brakes > 0.0 else (0.0, slowing_N)
+
+
+@inlined
+def _rotating(speed_m_s: float, plant: Plant) -> float:
+    """Equivalent mass of what rotates, in the gear of a speed."""
+    for gear in range(plant.gears.shape[0]):
+        if abs(speed_m_s) < plant.gears[gear, 0]:
+            return plant.rotating_kg + plant.gears[gear, 1]
+    return plant.rotating_kg
 
 
 @inlined
@@ -88,7 +107,7 @@ def _pitching(y: Floats, acc_m_s2: float, load_kg: float, plant: Plant) -> float
 
 
 @inlined
-def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
+def _rates(  # noqa: PLR0913, PLR0915 - compiled: what changes, and what does not
     t: float,
     y: Floats,
     grip: float,
@@ -118,10 +137,12 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     filling = stage.fill_kg_s * body
     soft = plant.resonance_rad_s > 0.0
     share = plant.wheel_share if soft else 1.0
-    wheel_kg = share * mass + plant.rotating_kg
+    wheel_kg = share * mass + _rotating(wheel, plant)
     body_kg = (1.0 - share) * mass
     friction = plant.friction_N_s_m * left_of_cold(t, plant.friction_warming, plant.warming_s)
     pull = ground - friction * wheel - share * mass * gravity
+    pull -= plant.air_N_s2_m2 * abs(wheel) * wheel
+    pull -= stage.facing * plant.spring_N_m * y[POSITION]
     spring = 0.0
     if soft:
         reduced = wheel_kg * body_kg / (wheel_kg + body_kg)
@@ -147,8 +168,11 @@ def _rates(  # noqa: PLR0913 - compiled: what changes, and what does not
     out[WHEEL] = wheel_acc
     out[BODY] = body_acc
     out[STRETCH] = wheel - body if soft else 0.0
-    out[DRIVE] = (_asked(t, stage, wave, wave_step_s) - y[DRIVE]) / plant.lag_s
-    out[BRAKE] = (stage.brake_N - y[BRAKE]) / plant.lag_s
+    asked, braking = _asked(t, stage, wave, wave_step_s), stage.brake_N
+    if stage.pedal_N_s_m > 0.0:
+        asked, braking = _pedalled(asked, wheel, stage)
+    out[DRIVE] = (asked - y[DRIVE]) / plant.lag_s
+    out[BRAKE] = (braking - y[BRAKE]) / plant.lag_s
     out[PITCH] = y[PITCH_RATE]
     out[PITCH_RATE] = _pitching(y, body_acc, mass - plant.empty_kg, plant)
     out[_PULL] = pull
@@ -223,7 +247,8 @@ def advance(  # noqa: PLR0913, PLR0915 - one loop, whose grip changes within a s
         y: (8,) the state, which is changed.
         plant: the machine.
         stage: the commands.
-        wave: (m,) the commanded drive force every `wave_step_s`; of size 0: the stage's own.
+        wave: (m,) the commanded drive force every `wave_step_s`, or the speed that a pedal follows;
+            of size 0: the stage's own.
         wave_step_s: likewise.
         rows: (2 steps + 4, 16) filled with what is kept of each instant.
 

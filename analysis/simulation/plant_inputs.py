@@ -3,13 +3,18 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from analysis.simulation.scenario import Scenario
+from analysis.simulation.waveforms import Floats
 
 
 class Plant(NamedTuple):
     """The machine and its ground, the same in a whole log."""
 
     friction_N_s_m: float
+    air_N_s2_m2: float
+    spring_N_m: float
     friction_warming: float
     coulomb_warming: float
     warming_s: float
@@ -18,6 +23,8 @@ class Plant(NamedTuple):
     no_load_m_s: float
     efficiency: float
     rotating_kg: float
+    #: (n, 2) up to which speed each gear goes, in m/s, and what rotates in it, in kg.
+    gears: Floats
     wheel_share: float
     resonance_rad_s: float
     damping: float
@@ -71,6 +78,13 @@ class DriveStage(NamedTuple):
     #: Unseen brakes hold this deceleration, and the machine on its slope.
     gentle_m_s2: float = 0.0
     gentle_from_s: float = 0.0
+    #: A pedal that follows a wave of speeds: N for each m/s that is missing, within these limits.
+    pedal_N_s_m: float = 0.0
+    most_drive_N: float = 0.0
+    most_brake_N: float = 0.0
+    #: 1 ahead, -1 back; whether the motor brakes (1) or the brakes do (0).
+    way: float = 1.0
+    motor_brakes: float = 0.0
     #: 1: ahead is along the way; -1: against it.
     facing: float = 1.0
 
@@ -82,6 +96,8 @@ def plant_of(scenario: Scenario) -> Plant:
     boom_rad_s = 2.0 * math.pi / chassis.boom_period_s
     return Plant(
         friction_N_s_m=scenario.machine.friction_N_s_m,
+        air_N_s2_m2=scenario.machine.air_N_s2_m2,
+        spring_N_m=scenario.machine.spring_N_m,
         friction_warming=scenario.machine.friction_warming,
         coulomb_warming=scenario.machine.coulomb_warming,
         warming_s=scenario.machine.warming_s,
@@ -90,6 +106,12 @@ def plant_of(scenario: Scenario) -> Plant:
         no_load_m_s=drivetrain.no_load_speed_m_s,
         efficiency=drivetrain.efficiency,
         rotating_kg=drivetrain.rotating_kg,
+        gears=np.array(
+            list(
+                zip((*drivetrain.gear_up_m_s, math.inf), drivetrain.gear_rotating_kg, strict=False)
+            ),
+            np.float64,
+        ).reshape(-1, 2),
         wheel_share=drivetrain.wheel_mass_share,
         resonance_rad_s=2.0 * math.pi * drivetrain.resonance_hz,
         damping=drivetrain.resonance_damping,

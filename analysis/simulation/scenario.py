@@ -40,6 +40,16 @@ class SimulatedMachine(BaseModel):
         default=2891.0, ge=0, le=1e6, description="viscous friction of driving"
     )
     coulomb_N: float = Field(default=0.0, ge=0, le=1e6, description="Coulomb friction of driving")
+    air_N_s2_m2: float = Field(
+        default=0.0, ge=0, le=1e5, description="air resistance over the square of the speed"
+    )
+    spring_N_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e7,
+        description="stiffness of a spring, as in a test rack, which pulls it back to where a log "
+        "begins",
+    )
     friction_warming: float = Field(
         default=0.0,
         ge=0,

@@ -73,6 +73,7 @@ _STREAMS: Final = (
     "shift_recorder",
     "shift_damage",
     "shift_pour",
+    "travel",
 )
 
 

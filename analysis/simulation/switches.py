@@ -4,14 +4,14 @@ from typing import Final
 
 from pydantic import BaseModel
 
-from analysis.simulation.manoeuvres import Excite, Manoeuvre, Rest, Start
+from analysis.simulation.manoeuvres import Excite, Manoeuvre, Rest, Start, Travel
 from analysis.simulation.scenario import Scenario
 from estimators.errors import ScenarioError
 
 #: Keys of other sections by which not all trials are alike, or one is not the same throughout.
 _CHANGES_ALONG: Final = {
     "terrain": ("hills_deg",),
-    "machine": ("friction_warming", "coulomb_warming"),
+    "machine": ("friction_warming", "coulomb_warming", "air_N_s2_m2", "spring_N_m"),
     "rolling": ("second_ground_more", "growth_s_m", "growth_s_rad"),
 }
 
@@ -40,6 +40,8 @@ def integrated_for(scenario: Scenario) -> str | None:
             for key in ("coast_s", "digging_N"):
                 if getattr(manoeuvre, key):
                     return f"campaign.manoeuvres.{number}.{key}"
+        if isinstance(manoeuvre, Travel):
+            return f"campaign.manoeuvres.{number} (a travel)"
     return None
 
 
@@ -71,4 +73,4 @@ def check_switches(scenario: Scenario) -> None:
 def _straight(manoeuvre: Manoeuvre) -> bool:
     if isinstance(manoeuvre, Excite):
         return manoeuvre.torque is None
-    return isinstance(manoeuvre, Rest | Start)
+    return isinstance(manoeuvre, Rest | Start | Travel)

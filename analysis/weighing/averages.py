@@ -316,6 +316,7 @@ def _columns(
         _since(motion.group) / motion.rate_hz,
         zeros if loads is None else loads.at(motion.unit),
         zeros if loads is None else loads.contrast_at(motion.unit),
+        motion.place_1,
         _travelled(motion),
         *_along_route(motion, found),
         found.slip_s_m,

@@ -8,8 +8,9 @@ import numpy as np
 from analysis.machine import Machine
 from analysis.uncertainty import SCALES, UncertaintySource, combined, largest_first
 from analysis.weighing.equation import Floats
-from analysis.weighing.ground import SOURCE
+from analysis.weighing.ground import BY_GROUND
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
+from analysis.weighing.nuisances import BY_PLACE
 from analysis.weighing.weigh import Weighing
 
 #: The answer leans on its priors when doubling them moves it by so many of its deviations.
@@ -36,7 +37,12 @@ _PARTS: Final = {
         "masses that change or that scatter: the log cannot tell which",
         "more starts with each load; a boom or bucket channel; machine.repeatability_kg",
     ),
-    SOURCE: _FitPart(
+    BY_PLACE: _FitPart(
+        "common",
+        "a force that depends on the place on a short path: a spring, gravity",
+        "strokes at different accelerations over the same path",
+    ),
+    BY_GROUND: _FitPart(
         "common",
         "ground that holds the machine by another force where it starts with a load",
         "more cycles; a pitch channel; even ground",
@@ -118,9 +124,9 @@ def budget(weighing: Weighing, machine: Machine, weights: Floats) -> list[Uncert
     sources: list[UncertaintySource] = []
     parts_kg = fit.parts_kg(weights)
     parts_kg |= _doubts(weighing, weights, parts_kg)
-    parts_kg[SOURCE] = float(
-        np.linalg.norm([parts_kg.pop(n) for n, t in terms.items() if t.source])
-    )
+    for source in {term.source: None for term in fit.terms if term.source}:
+        own_kg = [parts_kg.pop(name) for name, term in terms.items() if term.source == source]
+        parts_kg[source] = float(np.linalg.norm(own_kg))
     for name, u_kg in parts_kg.items():
         if name in terms:
             term = terms[name]

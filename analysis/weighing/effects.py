@@ -1,4 +1,4 @@
-"""Which effects a log has: drifts and uneven ground, none, one or several of them.
+"""Which effects a log has: drifts, a force by the place, uneven ground: none, one or several.
 
 A gain that drifts and friction that warms look alike while the machine drives at a steady speed,
 and free to cancel each other they hide a change of load. That a log has neither is likelier than
@@ -15,13 +15,14 @@ import numpy as np
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Floats
 from analysis.weighing.ground import GROUND
-from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.nuisances import BY_PLACE, NUISANCES, Nuisance
 from estimators.prior_fit import PriorFit
 
 #: The settings that are the widths of an effect's priors.
 _WIDTHS: Final = {
     "friction": ("viscous_drift_share",),
     "gain": ("gain_drift",),
+    BY_PLACE: ("place_share",),
     "ground": ("ground_share", "ground_change_share", "ground_route_share"),
 }
 #: The effect that each term is of.
@@ -29,6 +30,7 @@ EFFECTS: Final = {
     "viscous_drift": "friction",
     "viscous_bend": "friction",
     "gain_drift": "gain",
+    **{term.name: BY_PLACE for term in NUISANCES if term.source == BY_PLACE},
     **{term.name: "ground" for term in GROUND},
 }
 #: A log has each effect with this probability, before anything is measured.

@@ -48,6 +48,10 @@ _CLEAR_S: Final = 0.1
 _LEAST_GROUND: Final = 0.5
 #: Moving both ways needs this share of the samples each way.
 _BOTH_WAYS: Final = 0.1
+#: A path on which a spring or gravity may push back is shorter than this, in m: that of a bench;
+_BENCH_M: Final = 6.0
+#: and is passed so often, at least.
+_PASSES: Final = 6.0
 _ARMS: Final = ("boom_rad", "bucket_rad")
 #: Samples that are worked on together, so that they stay in the processor's cache,
 _PIECE: Final = 32_768
@@ -99,6 +103,8 @@ class Equation:
         wheel_acceleration: derivative of the wheels' speed, in m/s², where it multiplies the mass.
         progress: from -1/2 to 1/2 over the log.
         driven_m: how far the machine has driven since the log began, whichever way.
+        place_1: where it is on its path, from -1/2 to 1/2 where it is fitted.
+        path_m: how long that path is, in m.
         by_accelerometer: whether the accelerometer multiplies the mass.
         force_share: of the measured wheels.
         weight: of the machine without load, in N; of what this log says where it is not known.
@@ -121,6 +127,8 @@ class Equation:
     wheel_acceleration: Floats | None
     progress: Floats
     driven_m: Floats
+    place_1: Floats
+    path_m: float
     by_accelerometer: bool
     force_share: float
     weight: float
@@ -162,6 +170,7 @@ class Equation:
             wheel_acceleration=None if wheels is None else wheels[cut],
             progress=self.progress[cut],
             driven_m=self.driven_m[cut],
+            place_1=self.place_1[cut],
             arms=tuple(each[cut] for each in self.arms),
             digs=None if self.digs is None else self.digs[cut],
             empty=None if self.empty is None else self.empty[cut],
@@ -265,6 +274,12 @@ class Equation:
         return int(np.unique(self.unit[self.used]).size)
 
     @cached_property
+    def on_a_bench(self) -> bool:
+        """Whether it goes to and fro on one short path, which no vehicle does."""
+        driven_m = float(np.abs(self.speed[self.used]).sum()) / self.rate_hz
+        return self.both_ways and 0.0 < self.path_m < min(_BENCH_M, driven_m / _PASSES)
+
+    @cached_property
     def both_ways(self) -> bool:
         """Whether it drives forwards and in reverse."""
         forwards = float((self.direction[self.used] > 0).mean())
@@ -335,6 +350,7 @@ def equation(
         _column(aligned, "acc_x_m_s2", known) if machine.differentiates_wheels else None,
         _progress(speed.size),
         np.cumsum(np.where(known, np.abs(speed), 0.0)) / settings.align.rate_hz,
+        *_places(np.where(known, speed, 0.0), group >= 0, settings.align.rate_hz),
         settings.forces.acceleration == "specific_force",
         machine.machine.force_share,
         _weight(machine, acceleration, force, group >= 0),
@@ -371,6 +387,16 @@ def ends(group: Ints) -> Bools:
 def _progress(samples: int) -> Floats:
     """From -1/2 to 1/2 over so many samples."""
     return np.arange(samples) / max(samples, 1) - 0.5
+
+
+def _places(speed: Floats, used: Bools, rate_hz: float) -> tuple[Floats, float]:
+    """Where the machine is on its path, (n,), and how long that is, in m."""
+    place = np.cumsum(speed) / rate_hz
+    if not used.any():
+        return np.zeros(place.size), 0.0
+    first, last = float(place[used].min()), float(place[used].max())
+    length = last - first
+    return (place - (first + last) / 2.0) / (length or 1.0), length
 
 
 def _standstills(excitation: pl.DataFrame) -> Ints:

@@ -10,7 +10,7 @@ from analysis.settings import LearntTerm, PriorSettings
 from analysis.weighing.averages import Averages, EarlierRounds, RelativeLoads, averages
 from analysis.weighing.effects import NARROW
 from analysis.weighing.equation import Equation, Floats, NoiseOfColumns
-from analysis.weighing.ground import SOURCE
+from analysis.weighing.ground import BY_GROUND
 from analysis.weighing.joint_result import (
     Estimated,
     JointFit,
@@ -216,7 +216,7 @@ class FitTask:
         if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
             std[place_of("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
-        ground = [place for place, term in enumerate(self.terms) if term.source == SOURCE]
+        ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]
         mean[ground] = fit.theta[fit.count + 1 :][ground]
         std[ground] *= NARROW
         lag = place_of("lag", self.terms)

@@ -35,7 +35,7 @@ FEWEST: Final = 24
 #: A direction has ground of its own that so much of the samples drive in.
 _LEAST_SHARE: Final = 0.05
 #: What all of it is in the budget.
-SOURCE: Final = "ground"
+BY_GROUND: Final = "ground"
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class _Way:
             "more cycles; a pitch channel; even ground",
             applies=self._applies,
             by_load=True,
-            source=SOURCE,
+            source=BY_GROUND,
         )
 
     @staticmethod
@@ -149,7 +149,7 @@ def _of_route(part: int) -> Nuisance:
         "more cycles; even ground",
         applies=lambda e: e.manoeuvres >= FEWEST,
         by_load=True,
-        source=SOURCE,
+        source=BY_GROUND,
     )
 
 

@@ -35,6 +35,7 @@ class Moments:
         progress: from -1/2 to 1/2 over the log.
         relative_load: of the machine with its load over the reference mass, less 1.
         load_contrast: the same over its root mean square: about -1 without a load, 1 with one.
+        place_1: where it is on its path, from -1/2 to 1/2.
         travelled_m: how far it is from where the stretch begins, in m.
         route_1: where it is on the route, from 0 where loads are dumped to 1 where it is loaded.
         haul_m: how long the route is.
@@ -55,6 +56,7 @@ class Moments:
     under_way_s: Floats
     relative_load: Floats
     load_contrast: Floats
+    place_1: Floats
     travelled_m: Floats
     route_1: Floats
     haul_m: float
@@ -82,6 +84,7 @@ class Moments:
             under_way_s=self.under_way_s[rows],
             relative_load=self.relative_load[rows],
             load_contrast=self.load_contrast[rows],
+            place_1=self.place_1[rows],
             travelled_m=self.travelled_m[rows],
             route_1=self.route_1[rows],
         )
@@ -203,6 +206,26 @@ def weight_const_width(motion: Equation, priors: PriorSettings) -> float:
     """Standard deviation of `weight_const`'s prior, in N: how it splits, and a body that sags."""
     sags = priors.sag_weight_share * motion.weight
     return float(np.hypot(weight_in_const(motion, priors).std_N, sags))
+
+
+#: What all of a force that depends on the place is in the budget.
+BY_PLACE: Final = "place"
+#: So many half waves such a force may have on the path.
+_PLACE_WAVES: Final = 8
+
+
+def _by_place(half_waves: int) -> Nuisance:
+    """A force that depends on the place, a half wave or several of them on the path."""
+    return Nuisance(
+        f"place_{half_waves}",
+        "N",
+        lambda m: np.cos(np.pi * half_waves * (m.place_1 + 0.5)),
+        lambda e, s: s.place_share * e.largest_force / half_waves,
+        "a force that depends on the place on a short path: gravity, a cable, a cam",
+        "strokes at different accelerations over the same path",
+        applies=lambda e: e.on_a_bench,
+        source=BY_PLACE,
+    )
 
 
 #: In the order of the fit's parameters; a fit has those that apply to its log.
@@ -330,6 +353,17 @@ NUISANCES: Final = (
         by_force=lambda m: m.progress,
         applies=lambda e: e.manoeuvres > 1,
     ),
+    Nuisance(
+        "spring",
+        "N",
+        lambda m: 2.0 * m.place_1,
+        lambda e, s: s.place_share * e.largest_force,
+        "a force in proportion to the place on a short path, at its ends: a spring, gravity",
+        "strokes at different accelerations over the same path",
+        applies=lambda e: e.on_a_bench,
+        source=BY_PLACE,
+    ),
+    *map(_by_place, range(1, _PLACE_WAVES + 1)),
     Nuisance(
         "weight_const",
         "N",

@@ -24,6 +24,7 @@ def moments(direction: float = 1.0, contrast: float = 1.0) -> Moments:
         zeros,
         zeros,
         np.full(SAMPLES, contrast),
+        zeros,
         PLACES_M,
         np.linspace(1.0, 0.0, SAMPLES),
         40.0,
@@ -39,7 +40,7 @@ def motion(manoeuvres: int, reverse: bool = True) -> Equation:
     direction = np.where((number % 2 == 1) & reverse, -1.0, 1.0)
     return Equation(
         zeros, zeros, zeros, number, direction, number, 100.0, None, None, None, zeros, zeros,
-        True, 1.0, 40_000.0,
+        zeros, 0.0, True, 1.0, 40_000.0,
     )  # fmt: skip
 
 

@@ -57,7 +57,8 @@ def starts(
     number = np.repeat(np.arange(count), t_s.size)
     motion = Equation(
         measured, v, force, number, np.ones(a.size), number, RATE_HZ, measured, measured - seen,
-        None, np.linspace(-0.5, 0.5, a.size), np.cumsum(v) / RATE_HZ, True, 1.0, 4000.0 * G_M_S2,
+        None, np.linspace(-0.5, 0.5, a.size), np.cumsum(v) / RATE_HZ,
+        np.zeros(a.size), 0.0, True, 1.0, 4000.0 * G_M_S2,
     )  # fmt: skip
     return seen, motion
 

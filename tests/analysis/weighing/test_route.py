@@ -18,7 +18,7 @@ def shuttle(cycles: int, first_loaded: bool = True) -> tuple[Equation, np.ndarra
     zeros = np.zeros(speed_m_s.size)
     motion = Equation(
         zeros, speed_m_s, zeros, number, np.sign(speed_m_s), number, RATE_HZ, None, None, None,
-        zeros, np.cumsum(np.abs(speed_m_s)) / RATE_HZ, True, 1.0, 40_000.0,
+        zeros, np.cumsum(np.abs(speed_m_s)) / RATE_HZ, zeros, 0.0, True, 1.0, 40_000.0,
     )  # fmt: skip
     return motion, np.arange(legs), (np.arange(legs) % 2 == 0) == first_loaded
 

@@ -41,6 +41,8 @@ def manoeuvres(boom: list[float], digs: list[bool]) -> Equation:
         wheel_acceleration=None,
         progress=np.arange(n) / n - 0.5,
         driven_m=np.zeros(n),
+        place_1=np.zeros(n),
+        path_m=0.0,
         by_accelerometer=False,
         force_share=1.0,
         weight=35_000.0,

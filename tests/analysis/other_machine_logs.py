@@ -1,0 +1,66 @@
+"""Logs of the simulator's other machines as one table each: force and speed at the same stamps."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import polars as pl
+
+from analysis.machine import Machine
+from analysis.run import Run
+from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
+from replay import open_log, run
+from replay.readers import TimeAxis
+
+
+def machine_of(scenario: Scenario, **machine: float) -> Machine:
+    """What a machine file says of it: nothing but where the channels are, and what is given."""
+    return Machine.model_validate(
+        {
+            "machine": {
+                "name": "simulated",
+                "empty_mass_kg": scenario.machine.mass_kg,
+                **machine,
+            },
+            "log": {"time": "t"},
+            "channels": {
+                "force_x_N": {"field": "force"},
+                "speed_x_m_s": {"field": "speed"},
+                "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
+            },
+            "settings": {
+                "forces": {"acceleration": "kinematic"},
+                "gate": {"exclude_braking": False},
+                "filter": {"cutoff_hz": min(20.0, 0.4 * scenario.sensors.rate_hz)},
+            },
+        }
+    )
+
+
+def table_of(log: SimulatedLog) -> pl.DataFrame:
+    """Its time from 0 on, the force at the wheels, and their speed."""
+    torque, speed = log.topics["torque"], log.topics["speed"]
+    return pl.DataFrame(
+        {
+            "t": (torque["header_stamp_ns"] - int(log.trials["start_ns"][0])) * 1e-9,
+            "force": (torque["torque_left_N_m"] + torque["torque_right_N_m"])
+            / log.scenario.machine.wheel_radius_m,
+            "speed": speed.select(pl.mean_horizontal("speed_left_m_s", "speed_right_m_s"))
+            .to_series()
+            .head(torque.height),
+        }
+    )
+
+
+def replayed(
+    scenario: Scenario, folder: Path, order: Sequence[int] = (0,), **machine: float
+) -> Run:
+    """Replay the scenario's logs, a file each, in an order."""
+    tables = [table_of(log) for log in simulate_campaign(scenario)]
+    with ExitStack() as stack:
+        logs = []
+        for place in order:
+            path = folder / f"{place}.parquet"
+            tables[place].write_parquet(path)
+            logs.append(stack.enter_context(open_log(path, time=TimeAxis("t"))))
+        return run(logs, machine_of(scenario, **machine))

@@ -1,0 +1,51 @@
+"""Cars, a bus, a cart, a rack and an arm: no pile, no load that is none, and a load a file."""
+
+from pathlib import Path
+
+import pytest
+
+from analysis.simulation.other_machines import OTHER_MACHINES, bus, electric_car
+from tests.analysis.other_machine_logs import replayed
+
+#: Masses on board, in kg, a file each.
+SEVEN_KG = (0.0, 700.0, 1400.0, 2100.0, 2800.0, 3500.0, 4200.0)
+SHUFFLED = (3, 0, 6, 2, 5, 1, 4)
+
+
+@pytest.mark.parametrize("name", OTHER_MACHINES)
+def test_there_is_no_pile(name: str, tmp_path: Path) -> None:
+    for seed in range(2):
+        made = replayed(OTHER_MACHINES[name](seed), tmp_path)
+        assert made.frames["digging"].is_empty()
+        assert "external_force" not in set(made.frames["findings"]["cause"])
+
+
+@pytest.mark.parametrize(
+    "name", ["a car whose motor brakes", "a bus that never stands", "a cart", "a rack"]
+)
+def test_a_load_that_stays_is_one_load(name: str, tmp_path: Path) -> None:
+    for seed in (100, 101, 102):
+        scenario = OTHER_MACHINES[name](seed)
+        (load,) = replayed(scenario, tmp_path).frames["loads"].to_dicts()
+        if not load["withheld"]:
+            assert abs(load["mass_kg"] - scenario.machine.mass_kg) < 3.0 * load["u_kg"]
+
+
+@pytest.mark.parametrize(
+    ("seed", "order"), [(7, (0, 1, 2, 3, 4, 5, 6)), (7, SHUFFLED), (5, SHUFFLED)]
+)
+def test_seven_loads_of_a_bus_are_told_where_its_files_end(
+    seed: int, order: tuple[int, ...], tmp_path: Path
+) -> None:
+    scenario = bus(seed, SEVEN_KG)
+    found = replayed(scenario, tmp_path, order).frames["loads"].to_dicts()
+    assert len(found) == len(order)
+    for load, place in zip(found, order, strict=True):
+        true_kg = scenario.machine.mass_kg + SEVEN_KG[place]
+        assert abs(load["mass_kg"] - true_kg) < 3.0 * load["u_kg"]
+
+
+def test_a_load_that_a_car_carries_in_the_second_of_three_files_is_told(tmp_path: Path) -> None:
+    scenario = electric_car(5, (0.0, 300.0, 1.0))
+    found = replayed(scenario, tmp_path, (0, 1, 2)).frames["loads"].to_dicts()
+    assert [round((load["payload_kg"] or 0.0) / 300.0) for load in found] == [0, 1, 0]
