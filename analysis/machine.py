@@ -1,10 +1,18 @@
 """The machine: its body, its channels and its settings, as a machine file states them."""
 
 import re
+from datetime import date
 from typing import Annotated, Self
 from zoneinfo import ZoneInfo, available_timezones
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    model_validator,
+)
 
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.settings import Settings
@@ -46,6 +54,8 @@ class Body(BaseModel):
     name: str
     empty_mass_kg: float | None = Field(None, gt=0)
     empty_mass_u_kg: float | None = Field(None, ge=0)
+    #: When it was weighed, where the machine is.
+    empty_mass_day: Annotated[date, PlainSerializer(date.isoformat)] | None = None
     wheel_radius_m: float | None = Field(None, gt=0)
     wheel_radius_u_m: float | None = Field(None, ge=0)
     track_width_m: float | None = Field(None, gt=0)

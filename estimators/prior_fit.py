@@ -100,8 +100,9 @@ class PriorFit:
 
     @cached_property
     def std(self) -> Floats:
-        """(p,) standard deviations."""
-        return np.sqrt(np.diag(self.covariance))
+        """(p,) standard deviations; NaN where rounding leaves nothing of them."""
+        variance = np.diag(self.covariance)
+        return np.sqrt(np.where(variance < 0.0, np.nan, variance))
 
 
 @dataclass(frozen=True)

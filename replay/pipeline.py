@@ -30,6 +30,7 @@ from analysis.smooth import smooth
 from analysis.stamps import place
 from analysis.trace import trace
 from analysis.turning.planar import planar
+from analysis.weighing.datum import ticket_notes
 from analysis.weighing.learnt_means import responses
 from analysis.weighing.loads import budget_frame, changes, loads, manoeuvre_frame, nuisances
 from analysis.weighing.weigh import Weighing, weigh
@@ -159,6 +160,7 @@ def run(
                 *order_note(offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,
+                *ticket_notes(machine.machine, seen.case.evidence.t0_unix_ns),
                 *why,
             ],
         ),

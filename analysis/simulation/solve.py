@@ -11,7 +11,7 @@ from analysis.simulation.body import Pair, RigidBody
 from analysis.simulation.driven import Driven
 from analysis.simulation.gripped import Commands
 from analysis.simulation.limits import check_limits
-from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Rest, Spin, Start
+from analysis.simulation.manoeuvres import Arc, Excite, Manoeuvre, Rest, Spin, Start, Travel
 from analysis.simulation.motion import ManoeuvreTimes, MotionPhase, MotionState, SolvedMotion
 from analysis.simulation.scenario import Scenario
 from analysis.simulation.switches import integrated_for
@@ -80,6 +80,8 @@ class _Trial:
                 return arc_phases(self.body, manoeuvre, begin_s, heading_rad)
             case Excite():
                 return self._excited(manoeuvre, begin_s, heading_rad)
+            case Travel():
+                raise AssertionError("needs a whole log, which `integrated_for` says")
 
     def standing(self, start_s: float, end_s: float, heading_rad: float) -> MotionPhase:
         """Stand at a heading; the brakes hold."""

@@ -10,6 +10,7 @@ payload K times, together with what the same cause does to p.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import date, datetime
 from functools import cached_property
 from typing import Final
 
@@ -28,6 +29,8 @@ _AGREES: Final = 3.0
 _UNKNOWN_SCALE: Final = 0.1
 #: Factors that an empty machine does not tell: they change with the load.
 _BY_LOAD: Final = frozenset(scale.name for scale in SCALES if scale.by_load)
+#: A log that begins earlier counts from 0, and has no day.
+_CLOCKS_FROM: Final = date(1980, 1, 1)
 _TICKET: Final = UncertaintySource(
     "empty_mass",
     "scale",
@@ -42,6 +45,29 @@ _CARRIED: Final = UncertaintySource(
     "material that stays in the bucket of the empty machine",
     "a clean bucket in some empty passes",
 )
+
+
+def ticket_notes(body: Body, begin_ns: int) -> list[str]:
+    """That the empty machine was weighed on another day than that of the log.
+
+    Args:
+        body: with the day of the ticket, where that is known.
+        begin_ns: when the log begins, in unix time.
+    """
+    weighed, today = (
+        body.empty_mass_day,
+        datetime.fromtimestamp(begin_ns // 10**9, body.zone).date(),
+    )
+    if weighed is None or body.empty_mass_u_kg is None or today < _CLOCKS_FROM:
+        return []
+    days = (today - weighed).days
+    if days == 0:
+        return []
+    apart = f"{abs(days)} day{'s' * (abs(days) > 1)} {'before' if days > 0 else 'after'} this log"
+    return [
+        f"the empty machine was weighed on {weighed}, {apart}: what fuel, operator, mud and "
+        "attachment have changed since belongs to machine.empty_mass_u_kg"
+    ]
 
 
 def unknown_factors(sources: Sequence[UncertaintySource]) -> list[str]:

@@ -11,7 +11,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
+from analysis.machine import Body
 from analysis.run import Run
+from analysis.weighing.datum import ticket_notes
 from replay import load_machine
 from replay.machine_file import time_axis
 from replay.pipeline import run
@@ -107,3 +109,44 @@ class TestUncertainty:
         found = replayed(1.0, TICKET, KNOWN, "machine.empty_mass_kg=110.0").frames["cycles"]
         assert found["payload_kg"].null_count() == found.height
         assert found["withheld_for"].str.contains("empty_mass: the empty machine weighs").all()
+
+
+@pytest.mark.parametrize(
+    ("day", "said"),
+    [
+        ("2023-11-14", "was weighed on 2023-11-14, 3 days before this log"),
+        ("2023-11-18", "was weighed on 2023-11-18, 1 day after this log"),
+        ("2023-11-17", None),
+    ],
+)
+def test_a_ticket_of_another_day_says_how_far_apart_they_are(day: str, said: str | None):
+    # Friday evening of Greenwich is still Friday in Santiago
+    begin_ns = 1_700_265_600 * 10**9
+    body = Body.model_validate(
+        {
+            "name": "sledge",
+            "empty_mass_kg": 100.0,
+            "empty_mass_u_kg": 0.3,
+            "empty_mass_day": day,
+            "timezone": "America/Santiago",
+        }
+    )
+    notes = ticket_notes(body, begin_ns)
+    assert [said in note for note in notes] == [True] if said else not notes
+
+
+def test_a_log_without_a_clock_has_no_day_to_compare():
+    body = Body.model_validate(
+        {
+            "name": "sledge",
+            "empty_mass_kg": 100.0,
+            "empty_mass_u_kg": 0.3,
+            "empty_mass_day": "2023-11-14",
+        }
+    )
+    assert not ticket_notes(body, 5 * 10**9)
+
+
+def test_the_day_of_a_ticket_is_kept_with_the_run():
+    made = replayed(1.0, TICKET, "machine.empty_mass_day=2023-11-14")
+    assert '"empty_mass_day":"2023-11-14"' in made.provenance.model_dump_json()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from analysis.simulation import solve_motion
 from analysis.simulation.other_machines import OTHER_MACHINES
 from estimators.errors import ScenarioError
 from tests.analysis.simulation.quiet import drive, log, scenario
@@ -151,6 +152,11 @@ def test_a_machine_that_its_motor_does_not_move_is_refused():
     campaign = {**travel(), "throttle_force_N": 100.0}
     with pytest.raises(ScenarioError, match="100 N do not move 1600 kg"):
         log(**CAR, campaign=campaign)
+
+
+def test_a_travel_has_no_exact_solution():
+    with pytest.raises(ScenarioError, match="a travel.*needs a whole log"):
+        solve_motion(scenario(**CAR, campaign=travel()), 0.0)
 
 
 @pytest.mark.parametrize("name", OTHER_MACHINES)
