@@ -57,8 +57,8 @@ def bound(
         limit = min(spread[column], left[column])
         if source == "standstill" or not std[column] > _EXCEEDS * limit:
             continue
+        share = limit / std[column]
         for each in {column, derivative_of[column]} - {-1}:
-            share = limit / std[column]
             if sources[each] == "standstill":
                 continue
             found[each, :] *= share

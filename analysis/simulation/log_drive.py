@@ -192,7 +192,8 @@ class _TrialDriver(MachineDriver):
         if self.state[plant.WHEEL] == 0.0:
             self.rest(rest_s + STEP_S, self.mass_kg)
         else:
-            stage = DriveStage(self.time_s, self.mass_kg, drive_N=float(self.state[plant.DRIVE]))
+            drive_N = float(self.state[plant.DRIVE])
+            stage = DriveStage(self.time_s, self.mass_kg, drive_N=drive_N, facing=self.facing)
             self.advance(FREE, stage, STEP_S)
 
     def _sign(self, start: Start) -> float:

@@ -97,7 +97,7 @@ class Travel(_Manoeuvre):
     """
 
     kind: Literal["travel"] = "travel"
-    duration_s: float = Field(default=300.0, gt=0, le=36_000, description="how long it is driven")
+    duration_s: float = Field(default=300.0, gt=0, le=3600, description="how long it is driven")
     speed_least_m_s: float = Field(default=5.0, gt=0, le=50, description="least speed held")
     speed_most_m_s: float = Field(default=15.0, gt=0, le=50, description="highest speed held")
     hold_least_s: float = Field(default=4.0, gt=0, le=3600, description="least time at a speed")

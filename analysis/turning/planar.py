@@ -181,7 +181,11 @@ def _joint(log: _Log, verdict: Verdict) -> tuple[dict[str, Any], _NamedEstimate]
     fitted = _fit(log, of, start, Prior.about_zero({}, 2), _BOTH)
     row = _row("joint", log, used, fitted, ())
     estimate = fitted.estimate
-    unexplained = estimate.residual_rms**2 / np.var(plane.f, axis=0, where=used[:, None])
+    variance = np.var(plane.f, axis=0, where=used[:, None])
+    # of a force that never changes nothing is explained
+    unexplained = np.divide(
+        estimate.residual_rms**2, variance, out=np.full(2, np.nan), where=variance > 0.0
+    )
     row["r_squared_x_1"], row["r_squared_z_1"] = (1.0 - unexplained).tolist()
     believed = _believable(plane, estimate, row, settings) and not verdict.is_contradicted
     reason = "accepted" if estimate.identifiability.identifiable.any() else "ill_conditioned"

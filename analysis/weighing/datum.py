@@ -54,14 +54,12 @@ def ticket_notes(body: Body, begin_ns: int) -> list[str]:
         body: with the day of the ticket, where that is known.
         begin_ns: when the log begins, in unix time.
     """
-    weighed, today = (
-        body.empty_mass_day,
-        datetime.fromtimestamp(begin_ns // 10**9, body.zone).date(),
-    )
-    if weighed is None or body.empty_mass_u_kg is None or today < _CLOCKS_FROM:
+    weighed = body.empty_mass_day
+    if weighed is None or body.empty_mass_u_kg is None:
         return []
+    today = datetime.fromtimestamp(begin_ns // 10**9, body.zone).date()
     days = (today - weighed).days
-    if days == 0:
+    if days == 0 or today < _CLOCKS_FROM:
         return []
     apart = f"{abs(days)} day{'s' * (abs(days) > 1)} {'before' if days > 0 else 'after'} this log"
     return [
