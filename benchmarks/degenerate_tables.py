@@ -1,6 +1,7 @@
 """Every command on tables that no machine would record: no traceback, no warning, one answer.
 
-    python -P benchmarks/degenerate_tables.py [--tables 10000] [--json degenerate_tables.jsonl]
+    python -P benchmarks/degenerate_tables.py [--tables 10000] [--processes 1]
+                                             [--json degenerate_tables.jsonl]
 
 `drawn_tables` draws the tables, each by its seed; those that the file of results has are not driven
 again. A table is inspected, drafted a machine file of, replayed, shown, and one of the other jobs
@@ -12,6 +13,7 @@ whose headline, `can_weigh`, exit status and recording do not agree.
 """
 
 import json
+import multiprocessing
 import os
 import resource
 import shutil
@@ -24,6 +26,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -43,6 +46,8 @@ _INTERRUPTED: Final = (128 + signal.SIGINT, 128 + signal.SIGTERM)
 _SILENT: Final = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning)
 #: Address space of the process; a table has a few thousand rows.
 _MOST_BYTES: Final = 8 << 30
+#: Tables that a process drives before another takes its place.
+_TABLES_A_PROCESS: Final = 50
 #: Runs of a campaign, each with one mass and so much more of the force than the one before.
 _RUNS: Final = 4
 _GROWS: Final = 0.2
@@ -371,29 +376,41 @@ def drive(seed: int, *, every: bool = False) -> tuple[str, list[str], Counter[st
         return drawn.spoilt, payscope.faults, payscope.ran
 
 
+def _limit_memory() -> None:
+    # a table that takes all memory is a fault like others, not the end of the campaign
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
+
+
+def _row(seed: int, *, every: bool) -> dict[str, Any]:
+    """What is kept of a table."""
+    spoilt, faults, ran = drive(seed, every=every)
+    return {"seed": seed, "spoilt": spoilt, "faults": faults, "ran": dict(ran)}
+
+
 def main(
     tables: int = 10_000,
     first: int = 0,
     every: bool = False,
+    processes: int = 1,
     results: Annotated[Path, typer.Option("--json")] = Path("degenerate_tables.jsonl"),
 ) -> None:
-    # a table that takes all memory is a fault like others, not the end of the campaign
-    resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
     done: set[int] = set()
     if results.exists():
         lines = results.read_text(encoding="utf-8").splitlines()
         done = {json.loads(line)["seed"] for line in lines}
     broken = 0
-    for seed in range(first, first + tables):
-        if seed in done:
-            continue
-        spoilt, faults, ran = drive(seed, every=every)
-        row = {"seed": seed, "spoilt": spoilt, "faults": faults, "ran": dict(ran)}
-        with results.open("a", encoding="utf-8") as file:
-            file.write(f"{json.dumps(row, ensure_ascii=False)}\n")
-        broken += bool(faults)
-        for fault in faults:
-            print(f"seed {seed} ({spoilt}): {fault}", flush=True)
+    wanted = [seed for seed in range(first, first + tables) if seed not in done]
+    # Rerun keeps threads of each recording that a process has written
+    pool = multiprocessing.get_context("spawn").Pool(
+        processes, _limit_memory, maxtasksperchild=_TABLES_A_PROCESS
+    )
+    with pool:
+        for row in pool.imap(partial(_row, every=every), wanted):
+            with results.open("a", encoding="utf-8") as file:
+                file.write(f"{json.dumps(row, ensure_ascii=False)}\n")
+            broken += bool(row["faults"])
+            for fault in row["faults"]:
+                print(f"seed {row['seed']} ({row['spoilt']}): {fault}", flush=True)
     ran = Counter[str]()
     rows = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
     for row in rows:

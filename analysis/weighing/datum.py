@@ -159,7 +159,9 @@ class EmptyMachine:
             )
 
         if unknown_factors(self.sources):
-            return made(in_ratio)
+            found = made(in_ratio)
+            # of masses so far apart that rounding leaves no ratio
+            return found if found.scale_1 > 0.0 else None
         own_kg2 = self._variance(payloads)
         empty_kg2 = combined(self.sources) ** 2
         ratio_kg2 = self._variance(payloads - in_ratio * sum_kg * self.weights)
@@ -167,7 +169,9 @@ class EmptyMachine:
         together_kg2 /= 2.0 * in_ratio * sum_kg
         by_kg = together_kg2 / (empty_kg2 + stated_u_kg**2) / sum_kg
         found = made(float(np.clip(by_kg, 0.0, in_ratio)))
-        return found if combined(found.sources(payloads)) ** 2 < own_kg2 else None
+        if found.scale_1 <= 0.0 or combined(found.sources(payloads)) ** 2 >= own_kg2:
+            return None
+        return found
 
     def _variance(self, weights: Floats) -> float:
         return combined(budget(self.weighing, self.machine, weights)) ** 2

@@ -18,6 +18,9 @@ from replay.fleet.engine import Lost, Result, Task, Work
 
 #: Ray starts a task of a lost worker or node anew so many times.
 _RETRIES: Final = 3
+#: Tasks of a worker before another takes its place: Rerun keeps two threads and some 130 MB of
+#: address space of each recording that a process has written (rerun-io/rerun#2116).
+_TASKS_A_WORKER: Final = 200
 #: Tasks that are handed to Ray beyond those that run: enough that no slot waits.
 _AHEAD: Final = 2
 #: Results go through storage, not through Ray's.
@@ -129,7 +132,9 @@ class RayEngine:
         self, function: Callable[[Task], Result], work: Sequence[Work[Task]]
     ) -> Iterator[tuple[Task, Result | Lost]]:
         """Yield each task with its result as it comes; the function is imported on the nodes."""
-        remote = self._ray.remote(num_cpus=1, max_retries=_RETRIES)(function)
+        remote = self._ray.remote(num_cpus=1, max_retries=_RETRIES, max_calls=_TASKS_A_WORKER)(
+            function
+        )
         waiting = deque(work)
         running: dict[Any, Work[Task]] = {}
         try:
