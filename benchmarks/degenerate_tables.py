@@ -411,6 +411,8 @@ def main(
             broken += bool(row["faults"])
             for fault in row["faults"]:
                 print(f"seed {row['seed']} ({row['spoilt']}): {fault}", flush=True)
+        pool.close()
+        pool.join()
     ran = Counter[str]()
     rows = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
     for row in rows:

@@ -211,7 +211,8 @@ def solve_with_priors(
         theta = bread @ (weighed @ turned.bare + wide_believed)
         residual = _residual(A, f, index, theta, of, shape.levels.count)
         correlation, _ = pooled_autocorrelation(residual, group, taken, loss)
-        white = float(residual @ residual) / (n - theta.size)
+        with np.errstate(over="ignore"):  # of what rounding alone determines
+            white = float(residual @ residual) / (n - theta.size)
         gain = bread @ weighed
         solved = Solved(theta, bread, gain, residual, correlation, white, share, kept, turned)
         variance = white * max(2.0 * float(correlation.sum()) - 1.0, 1.0)
