@@ -173,9 +173,7 @@ def swapped(case: Case) -> list[Sign]:
         return []
     step = rows_in(INDEPENDENT_S, case.machine.settings.align.rate_hz)
     x, y = rate[used][::step], turns[used][::step]
-    if float(np.sqrt((x**2).mean())) < _TURNS_RAD_S:
-        return []
-    if not y.any():
+    if float(np.sqrt((x**2).mean())) < _TURNS_RAD_S or not y.any():
         return []
     together = float(x @ y) / float(np.sqrt((x @ x) * (y @ y)))
     if together > -_SIGN:

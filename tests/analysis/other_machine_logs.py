@@ -6,35 +6,11 @@ from pathlib import Path
 
 import polars as pl
 
-from analysis.machine import Machine
 from analysis.run import Run
 from analysis.simulation import Scenario, SimulatedLog, simulate_campaign
 from replay import open_log, run
 from replay.readers import TimeAxis
-
-
-def machine_of(scenario: Scenario, **machine: float) -> Machine:
-    """What a machine file says of it: nothing but where the channels are, and what is given."""
-    return Machine.model_validate(
-        {
-            "machine": {
-                "name": "simulated",
-                "empty_mass_kg": scenario.machine.mass_kg,
-                **machine,
-            },
-            "log": {"time": "t"},
-            "channels": {
-                "force_x_N": {"field": "force"},
-                "speed_x_m_s": {"field": "speed"},
-                "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
-            },
-            "settings": {
-                "forces": {"acceleration": "kinematic"},
-                "gate": {"exclude_braking": False},
-                "filter": {"cutoff_hz": min(20.0, 0.4 * scenario.sensors.rate_hz)},
-            },
-        }
-    )
+from tests.analysis.kinematic_machine import kinematic_machine
 
 
 def table_of(log: SimulatedLog) -> pl.DataFrame:
@@ -52,9 +28,7 @@ def table_of(log: SimulatedLog) -> pl.DataFrame:
     )
 
 
-def replayed(
-    scenario: Scenario, folder: Path, order: Sequence[int] = (0,), **machine: float
-) -> Run:
+def replayed(scenario: Scenario, folder: Path, order: Sequence[int] = (0,)) -> Run:
     """Replay the scenario's logs, a file each, in an order."""
     tables = [table_of(log) for log in simulate_campaign(scenario)]
     with ExitStack() as stack:
@@ -63,4 +37,6 @@ def replayed(
             path = folder / f"{place}.parquet"
             tables[place].write_parquet(path)
             logs.append(stack.enter_context(open_log(path, time=TimeAxis("t"))))
-        return run(logs, machine_of(scenario, **machine))
+        cutoff_hz = min(20.0, 0.4 * scenario.sensors.rate_hz)
+        machine = kinematic_machine("simulated", scenario.machine.mass_kg, cutoff_hz)
+        return run(logs, machine)

@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 
 from analysis.machine import Machine
+from tests.analysis.kinematic_machine import kinematic_machine
 
 Floats = np.ndarray
 
@@ -39,22 +40,8 @@ class Drawn:
     @property
     def machine(self) -> Machine:
         """What its machine file says: nothing but where the channels are."""
-        return Machine.model_validate(
-            {
-                "machine": {"name": "without a bucket", "empty_mass_kg": self.mass_kg},
-                "log": {"time": "t"},
-                "channels": {
-                    "force_x_N": {"field": "force"},
-                    "speed_x_m_s": {"field": "speed"},
-                    "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
-                },
-                "settings": {
-                    "forces": {"acceleration": "kinematic"},
-                    "gate": {"exclude_braking": False},
-                    "filter": {"cutoff_hz": min(20.0, 0.4 * self.rate_hz)},
-                },
-            }
-        )
+        cutoff_hz = min(20.0, 0.4 * self.rate_hz)
+        return kinematic_machine("without a bucket", self.mass_kg, cutoff_hz)
 
 
 def car(seed: int) -> Drawn:

@@ -7,26 +7,11 @@ import numpy as np
 import polars as pl
 import pytest
 
-from analysis.machine import Machine
 from replay import open_log, run
 from replay.readers import TimeAxis
+from tests.analysis.kinematic_machine import kinematic_machine
 
-MACHINE = Machine.model_validate(
-    {
-        "machine": {"name": "bus", "empty_mass_kg": 13_000.0},
-        "log": {"time": "t"},
-        "channels": {
-            "force_x_N": {"field": "force"},
-            "speed_x_m_s": {"field": "speed"},
-            "acc_x_m_s2": {"derive": "d/dt speed_x_m_s"},
-        },
-        "settings": {
-            "forces": {"acceleration": "kinematic"},
-            "gate": {"exclude_braking": False},
-            "filter": {"cutoff_hz": 0.4},
-        },
-    }
-)
+MACHINE = kinematic_machine("bus", 13_000.0, 0.4)
 
 
 def bus(mass_kg: float, seed: int) -> pl.DataFrame:
