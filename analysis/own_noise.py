@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 import polars as pl
+from scipy.fft import next_fast_len
 
 from analysis import filters, mounting, rates
 from analysis.align import align
@@ -32,8 +33,8 @@ from estimators.errors import DataError
 
 #: Rows of noise that covariances are taken from: sums over all lags are right to 5 %.
 _ROWS: Final = 65_536
-#: A short log is drawn again, so often at most.
-_MOST_DRAWS: Final = 64
+#: A short log is repeated, so often at most.
+_MOST_TIMES: Final = 64
 #: Begins the series of random numbers: a replay gives the same noise each time.
 _SEED: Final = 2026
 #: The filter of a column hides its noise where it leaves less of its power in the fast band.
@@ -105,22 +106,18 @@ def own_noise(
         for name, (t, x) in read.items()
         if name not in UNFILTERED
     }
-    part = _beginning(read, settings.rate_hz)
+    longest_ns = max(filters.longest_step_ns(t, settings) for t, _ in read.values())
+    part = _repeated(_beginning(read, settings.rate_hz), settings.rate_hz, longest_ns)
     rng = np.random.default_rng(_SEED)
-    sums, pairs, rows = 0.0, 0.0, 0
-    for _ in range(_MOST_DRAWS):
-        noise = {
-            name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
-        }
-        try:
-            x = columns(align(derive(noise, machine)[0], machine)[0])
-        except DataError:
-            return None
-        own_sums, own_pairs = _sums(x)
-        sums, pairs, rows = sums + own_sums, pairs + own_pairs, rows + len(x)
-        if rows >= _ROWS:
-            break
-    return np.where(np.asarray(pairs) > 0, sums / np.maximum(pairs, 1.0), 0.0)
+    noise = {
+        name: (t, std.get(name, 0.0) * rng.standard_normal(t.size)) for name, t in part.items()
+    }
+    try:
+        x = columns(align(derive(noise, machine)[0], machine)[0])
+    except DataError:
+        return None
+    sums, pairs = _sums(x)
+    return np.where(pairs > 0, sums / np.maximum(pairs, 1.0), 0.0)
 
 
 def _beginning(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str, Ints]:
@@ -130,17 +127,29 @@ def _beginning(read: Mapping[str, mounting.Series], rate_hz: float) -> dict[str,
     return {name: t[: max(int(np.searchsorted(t, end)), 2)] for name, (t, _) in read.items()}
 
 
+def _repeated(stamps: Mapping[str, Ints], rate_hz: float, longest_ns: float) -> dict[str, Ints]:
+    """Stamps of a short log, again and again behind a gap each, up to as many rows."""
+    last = max(int(t[-1]) for t in stamps.values())
+    lasts_ns = last - min(int(t[0]) for t in stamps.values())
+    every_ns = lasts_ns + math.ceil(2.0 * longest_ns)
+    room = 1 + (np.iinfo(np.int64).max - last) // max(every_ns, 1)
+    times = min(math.ceil(_ROWS / rate_hz * 1e9 / max(lasts_ns, 1)), _MOST_TIMES, room)
+    later_ns = np.arange(times) * every_ns
+    return {name: (later_ns[:, None] + t).ravel() for name, t in stamps.items()}
+
+
 def _sums(x: Floats) -> tuple[Floats, Floats]:
     """Sums of products (columns, columns, LAGS) by lag, and of how many pairs (LAGS,) they are."""
     known = np.asarray(np.isfinite(x).all(axis=1), np.bool_)
     x = np.where(known[:, None], x, 0.0)
     # an offset of a derived channel is no noise
     x = np.where(known[:, None], x - x.sum(axis=0) / max(int(known.sum()), 1), 0.0)
-    spectra = np.fft.rfft(x, len(x) + LAGS, axis=0)
+    n = next_fast_len(len(x) + LAGS, real=True)
+    spectra = np.fft.rfft(x, n, axis=0)
     cross = np.einsum("fi,fj->ijf", spectra.conj(), spectra)
-    seen = np.fft.rfft(known.astype(float), len(x) + LAGS)
-    sums = np.fft.irfft(cross, len(x) + LAGS)[:, :, :LAGS]
-    return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, len(x) + LAGS)[:LAGS])
+    seen = np.fft.rfft(known.astype(float), n)
+    sums = np.fft.irfft(cross, n)[:, :, :LAGS]
+    return sums, np.round(np.fft.irfft(np.abs(seen) ** 2, n)[:LAGS])
 
 
 def own_std(t_ns: Ints, x: Floats, longest_ns: float) -> float:
