@@ -95,10 +95,20 @@ class Evidence:
         return self.excitation["phase"].is_in(names).fill_null(False).to_numpy()
 
     @cached_property
+    def force_by_place(self) -> Floats | None:
+        """A spring, say, as far as the answer's fit knows it, (n,): it hides the mass from others.
+
+        None where there is none.
+        """
+        return None if self.weighing is None else self.weighing.fit.force_by_place
+
+    @cached_property
     def straight(self) -> Motion:
-        """Straight motion."""
+        """Straight motion, without a force that depends on the place."""
         settings = self.machine.settings
         A, f = straight(self.excitation, settings)
+        if self.force_by_place is not None:
+            f = f - self.force_by_place
         known = np.isfinite(A).all(axis=1) & np.isfinite(f)
         welcome = () if settings.gate.exclude_braking else ("braking",)
         return Motion(

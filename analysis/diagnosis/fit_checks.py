@@ -94,8 +94,8 @@ def _contradicted(evidence: Evidence, _: Motion) -> float:
 
 
 def _gated(evidence: Evidence, motion: Motion) -> float:
-    """Deviations between the gated and the ungated pooled mass."""
-    if evidence.totals is None:
+    """Deviations between the gated and the ungated pooled mass; NaN where both miss a spring."""
+    if evidence.totals is None or evidence.force_by_place is not None:
         return np.nan
     pooled = evidence.totals.filter(evidence.totals["method"] == "pooled")
     mass_kg, std_kg = (values(pooled, name) for name in ("mass_kg", "mass_std_kg"))

@@ -145,7 +145,7 @@ class _TrialDriver(MachineDriver):
         Raises:
             ScenarioError: the machine does not move.
         """
-        begin_s, way = self.time_s, 1.0
+        begin_s, begin_m, way = self.time_s, self.position_m, 1.0
         full_N = self.scenario.campaign.throttle_force_N
         stopping_N = body.mass_kg * self.scenario.campaign.braking_m_s2
         self.state[[plant.DRIVE, plant.BRAKE]] = 0.0
@@ -177,7 +177,8 @@ class _TrialDriver(MachineDriver):
                 shut = stage._replace(begin_s=self.time_s, pedal_N_s_m=0.0, one_way=0.0)
                 self.brake(shut)
                 self.rest(leg.stand_s, body.mass_kg)
-                way = -way if travel.to_and_fro else way
+                if travel.to_and_fro:
+                    way = -1.0 if self.position_m > begin_m else 1.0
         self.starts += 1
         return ManoeuvreTimes("travel", begin_s, begin_s, None, None, self.time_s)
 

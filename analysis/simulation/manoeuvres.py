@@ -116,7 +116,9 @@ class Travel(_Manoeuvre):
     )
     stand_least_s: float = Field(default=1.0, ge=0, le=3600, description="shortest stand")
     stand_most_s: float = Field(default=5.0, ge=0, le=3600, description="longest stand")
-    to_and_fro: bool = Field(default=False, description="after each stand it drives the other way")
+    to_and_fro: bool = Field(
+        default=False, description="after each stand it drives back over where it began"
+    )
     motor_brakes: bool = Field(
         default=False, description="the motor slows it, and the force sensors see that in full"
     )

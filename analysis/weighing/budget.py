@@ -10,7 +10,7 @@ from analysis.uncertainty import SCALES, UncertaintySource, combined, largest_fi
 from analysis.weighing.equation import Floats
 from analysis.weighing.ground import BY_GROUND
 from analysis.weighing.joint_result import JointFit, root_sum_of_squares
-from analysis.weighing.nuisances import BY_PLACE
+from analysis.weighing.place import BY_PLACE
 from analysis.weighing.weigh import Weighing
 
 #: The answer leans on its priors when doubling them moves it by so many of its deviations.

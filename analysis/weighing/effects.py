@@ -15,7 +15,8 @@ import numpy as np
 from analysis.settings import PriorSettings
 from analysis.weighing.equation import Floats
 from analysis.weighing.ground import GROUND
-from analysis.weighing.nuisances import BY_PLACE, NUISANCES, Nuisance
+from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.place import BY_PLACE, PLACE
 from estimators.prior_fit import PriorFit
 
 #: The settings that are the widths of an effect's priors.
@@ -30,7 +31,7 @@ EFFECTS: Final = {
     "viscous_drift": "friction",
     "viscous_bend": "friction",
     "gain_drift": "gain",
-    **{term.name: BY_PLACE for term in NUISANCES if term.source == BY_PLACE},
+    **{term.name: BY_PLACE for term in PLACE},
     **{term.name: "ground" for term in GROUND},
 }
 #: A log has each effect with this probability, before anything is measured.

@@ -276,7 +276,7 @@ class Equation:
     @cached_property
     def on_a_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
-        driven_m = float(np.abs(self.speed[self.used]).sum()) / self.rate_hz
+        driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
         return self.both_ways and 0.0 < self.path_m < min(_BENCH_M, driven_m / _PASSES)
 
     @cached_property

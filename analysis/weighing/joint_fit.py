@@ -31,6 +31,7 @@ from analysis.weighing.nuisances import (
     NUISANCES,
     Nuisance,
 )
+from analysis.weighing.place import PLACE
 from analysis.weighing.squat import find_squat
 from analysis.weighing.states import States, found_states, places, stretch_units, untold_states
 from estimators.autocorrelation import pooled_autocorrelation
@@ -102,7 +103,7 @@ def joint_fit(of: Fitted, states: States | None = None) -> JointFit:
     several = states is not None and states.count > 1
     terms = tuple(
         term
-        for term in (*NUISANCES, *GROUND)
+        for term in (*NUISANCES, *PLACE, *GROUND)
         if term.applies(motion) and (several or not term.by_load)
     )
     whole = FitTask(motion, of.noise, of.priors, terms, of.wheels, states, of.uneven_1_s)

@@ -11,6 +11,7 @@ from analysis.weighing.effects import LikelyEffects
 from analysis.weighing.equation import Equation, Floats
 from analysis.weighing.kinematics import TERMS, Kinematics
 from analysis.weighing.nuisances import Nuisance
+from analysis.weighing.place import BY_PLACE, place_force
 from analysis.weighing.squat import Squat
 from analysis.weighing.states import States
 from estimators.prior_fit import PriorFit
@@ -116,6 +117,14 @@ class JointFit:
     def slope(self) -> float:
         """What the resistance grows by with the speed, in N·s/m; it never falls."""
         return max(resistance_slope(self.theta, self.terms, self.motion), 0.0)
+
+    @property
+    def force_by_place(self) -> Floats | None:
+        """The force that depends on the place, (n,) in N; None where there likely is none."""
+        own = [k for k, term in enumerate(self.terms) if term.source == BY_PLACE]
+        if not own or (self.effects is not None and BY_PLACE in self.effects.left_out):
+            return None
+        return place_force(self.motion, self.theta[self.count + 1 + np.array(own)])
 
     @property
     def shared(self) -> Floats:

@@ -208,26 +208,6 @@ def weight_const_width(motion: Equation, priors: PriorSettings) -> float:
     return float(np.hypot(weight_in_const(motion, priors).std_N, sags))
 
 
-#: What all of a force that depends on the place is in the budget.
-BY_PLACE: Final = "place"
-#: So many half waves such a force may have on the path.
-_PLACE_WAVES: Final = 8
-
-
-def _by_place(half_waves: int) -> Nuisance:
-    """A force that depends on the place, a half wave or several of them on the path."""
-    return Nuisance(
-        f"place_{half_waves}",
-        "N",
-        lambda m: np.cos(np.pi * half_waves * (m.place_1 + 0.5)),
-        lambda e, s: s.place_share * e.largest_force / half_waves,
-        "a force that depends on the place on a short path: gravity, a cable, a cam",
-        "strokes at different accelerations over the same path",
-        applies=lambda e: e.on_a_bench,
-        source=BY_PLACE,
-    )
-
-
 #: In the order of the fit's parameters; a fit has those that apply to its log.
 NUISANCES: Final = (
     Nuisance(
@@ -353,17 +333,6 @@ NUISANCES: Final = (
         by_force=lambda m: m.progress,
         applies=lambda e: e.manoeuvres > 1,
     ),
-    Nuisance(
-        "spring",
-        "N",
-        lambda m: 2.0 * m.place_1,
-        lambda e, s: s.place_share * e.largest_force,
-        "a force in proportion to the place on a short path, at its ends: a spring, gravity",
-        "strokes at different accelerations over the same path",
-        applies=lambda e: e.on_a_bench,
-        source=BY_PLACE,
-    ),
-    *map(_by_place, range(1, _PLACE_WAVES + 1)),
     Nuisance(
         "weight_const",
         "N",

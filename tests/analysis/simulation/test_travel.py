@@ -74,6 +74,9 @@ def test_strokes_go_to_and_fro_about_one_place():
     way = np.sign(run.speed_x_m_s)
     turns = way[way != 0.0]
     assert 0.3 < (turns > 0.0).mean() < 0.7
+    # held for 20 s at most, speeding up and slowing down for 1 s each
+    place_m = np.cumsum(run.speed_x_m_s) * 0.02
+    assert np.abs(place_m).max() < 22.0
 
 
 @pytest.mark.parametrize("motor_brakes", [True, False])
