@@ -54,7 +54,7 @@ _MOST_NOISE: Final = 0.3
 _NEARLY: Final = 1.1
 #: The mass depends on the mean's length from so many deviations, and from this share of it, on.
 _DIFFER: Final = 2.5
-_DIFFER_SHARE: Final = 0.02
+_DIFFER_SHARE: Final = 0.005
 #: On a slow grid, of which the shortest mean is a row: motion changes within its step, and what is
 #: a product (slip) is not that of means. Cars at 1 Hz whose wheels slip were 1 to 3 % off.
 _MEANS_OF_ROWS: Final = (1, 2, 4)
