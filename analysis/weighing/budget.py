@@ -15,6 +15,9 @@ from analysis.weighing.weigh import Weighing
 
 #: The answer leans on its priors when doubling them moves it by so many of its deviations.
 _LEANS: Final = 1.5
+#: Share of a gain's drift by which it differs at either end of the log from its mean, which the
+#: masses are of.
+_HALF_OF_DRIFT: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +54,11 @@ _PARTS: Final = {
         "common",
         "drifts and uneven ground that the log neither shows nor rules out",
         "loads that come back: empty, loaded, empty; a machine that is warm",
+    ),
+    "drifted_gain": _FitPart(
+        "common",
+        "the gain of the force drifts over the log: at which end it is as stated is not known",
+        "a force sensor at its working temperature; known loads at both ends of the log",
     ),
     "squat": _FitPart(
         "common",
@@ -182,6 +190,9 @@ def _doubts(weighing: Weighing, weights: Floats, parts_kg: dict[str, float]) -> 
     # what is wrong with the equation is as wrong with every mass
     share = abs(float(weights @ fit.masses_kg)) / abs(fit.mass_kg) if fit.mass_kg else 1.0
     found: dict[str, float] = {}
+    if fit.effects is not None and "gain" not in fit.effects.left_out:
+        drift_kg = fit.term_value("gain_drift") * float(weights @ fit.masses_kg)
+        found["drifted_gain"] = _HALF_OF_DRIFT * abs(drift_kg)
     if weighing.curvature.shows:
         found["curvature"] = abs(weighing.curvature.kg) * share
     if weighing.braking_doubted:

@@ -173,7 +173,12 @@ class JointFit:
     @property
     def lag_s(self) -> float:
         """How late the force is."""
-        return float(self.posterior[0][place_of("lag", self.terms)])
+        return self.term_value("lag")
+
+    def term_value(self, name: str) -> float:
+        """The estimate of a nuisance term, in its unit; 0 where the fit has no such term."""
+        names = [term.name for term in self.terms]
+        return float(self.posterior[0][names.index(name)]) if name in names else 0.0
 
     @property
     def terms_t(self) -> dict[str, float]:

@@ -37,6 +37,19 @@ def the_load(log, verdict=WEIGHS, **known):
     return frame.row(0, named=True)
 
 
+def test_of_a_gain_that_drifts_it_is_not_known_at_which_end_it_is_as_stated():
+    drifting = weighed({**RICH, "defects": {"force_gain_drift": 0.05}})
+    drift_kg = abs(drifting.terms["gain_drift"]["posterior"]) * drifting.load["mass_kg"]
+    assert drift_kg > 0.03 * drifting.true_kg
+    assert drifting.causes["drifted_gain"] == pytest.approx(drift_kg / 2.0, rel=0.01)
+    # it is as stated at the beginning: half of the drift is in the mass
+    assert abs(drifting.error_u) < 2.0
+
+
+def test_a_gain_that_does_not_drift_costs_nothing(log):
+    assert u_of(log).get("drifted_gain", 0.0) == 0.0
+
+
 class TestScale:
     def test_one_percent_of_force_gain_adds_one_percent_of_the_mass_in_quadrature(self, log):
         plain, known = the_load(log), the_load(log, force_gain_u=0.01)
