@@ -1,4 +1,10 @@
-"""The installed command, in a module of its own name.
+"""The public API of scripts and notebooks, and the installed command.
+
+    import payscope
+
+    imu = payscope.scan_log("shift.bag", "/imu/data")
+
+Names are resolved when first used: scanning logs imports none of what recordings need.
 
 Distributions with packages named `analysis` or `replay` exist. One that Python finds before ours
 is named in one line, before anything of ours is imported; one whose files were installed into our
@@ -9,10 +15,59 @@ import sys
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
+if TYPE_CHECKING:
+    from recordings import read_recording, write_recording
+    from replay import load_machine, open_log, run
+    from replay.frames.convert import convert_log
+    from replay.frames.query import query
+    from replay.frames.scan import LogStream, join_topics, scan_log, stream_log
+    from replay.frames.topic_source import LossWarning
+
+__all__ = [
+    "LogStream",
+    "LossWarning",
+    "convert_log",
+    "join_topics",
+    "load_machine",
+    "open_log",
+    "query",
+    "read_recording",
+    "run",
+    "scan_log",
+    "stream_log",
+    "write_recording",
+]
+
+_HOMES = {
+    "LogStream": "replay.frames.scan",
+    "LossWarning": "replay.frames.topic_source",
+    "convert_log": "replay.frames.convert",
+    "join_topics": "replay.frames.scan",
+    "load_machine": "replay",
+    "open_log": "replay",
+    "query": "replay.frames.query",
+    "read_recording": "recordings",
+    "run": "replay",
+    "scan_log": "replay.frames.scan",
+    "stream_log": "replay.frames.scan",
+    "write_recording": "recordings",
+}
 _OURS = Path(__file__).resolve().parent
 _PACKAGES = ("estimators", "analysis", "recordings", "replay")
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'payscope' has no attribute '{name}'")
+    if fault := _shadowed():
+        raise ImportError(f"payscope: {fault}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 def main() -> None:
@@ -25,19 +80,26 @@ def importer() -> None:
     _run("replay.commands.importer")
 
 
-def _run(module: str) -> None:
+def _shadowed() -> str:
+    """Which of our packages another distribution stands in the place of; empty where none is."""
     for name in _PACKAGES:
         found = find_spec(name)
         if found is None or found.origin is None:
-            _refuse(f"{_OURS / name}: the package is not there; install payscope anew")
+            return f"{_OURS / name}: the package is not there; install payscope anew"
         theirs = Path(found.origin).resolve()
         on_path = theirs.parents[1] if found.submodule_search_locations else theirs.parent
         if on_path != _OURS:
-            _refuse(
+            return (
                 f"{theirs}: is imported in the place of payscope's own package '{name}'; install "
                 f"payscope into an environment of its own (pipx install), or take {on_path} off "
                 "PYTHONPATH, or start from another folder"
             )
+    return ""
+
+
+def _run(module: str) -> None:
+    if fault := _shadowed():
+        _refuse(fault)
     try:
         import_module(module).main()
     except ImportError as error:

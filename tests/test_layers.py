@@ -39,6 +39,7 @@ ORDER = (
     ("replay/readers/bag", "replay/readers/mcap", "replay/readers/sqlite"),
     ("replay/readers/rosbag2",),
     ("replay/readers",),
+    ("replay/frames",),
     ("replay",),
     ("replay/fleet",),
     ("replay/commands",),

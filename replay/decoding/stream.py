@@ -5,7 +5,7 @@ column; here only the rows that meet others are moved, and all else stays where 
 """
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final
 
@@ -61,6 +61,18 @@ class Stream:
                 self._frames.append(decoded.frame)
         self._begun.clear()
 
+    def drain(self, floor_ns: int) -> pl.DataFrame:
+        """Take out the decoded rows that none can precede any more; call `settle` before.
+
+        Args:
+            floor_ns: no message that is still to be taken has an earlier log time.
+        """
+        waiting = [int(batch.log_times.min()) for batch in self._few]
+        frame = joined_frames(self._frames)
+        ready = frame[TIME].search_sorted(min([floor_ns, *waiting]), side="right")
+        self._frames = [frame[ready:]]
+        return frame[:ready]
+
     def finish(self) -> pl.DataFrame:
         """Everything that was taken."""
         self._begin_few(at_once)
@@ -100,6 +112,28 @@ def take_all(groups: Iterable[list[RawBatch]], streams: Mapping[int, Stream]) ->
                 streams[batch.connection_id].take(batch, lambda work: pool.submit(work).result)
             for stream in dict.fromkeys(streams[batch.connection_id] for batch in group):
                 stream.settle()
+
+
+def drain_all(
+    groups: Iterable[tuple[list[RawBatch], int]], stream: Stream
+) -> Iterator[pl.DataFrame]:
+    """Decode one topic as `take_all` does, and give its rows as soon as their order is known.
+
+    Args:
+        groups: batches, each list with the log time before which no later message lies.
+        stream: of all of them.
+    """
+    with ThreadPoolExecutor(_WORKERS, thread_name_prefix="payscope-decode") as pool:
+        for batches, floor_ns in groups:
+            for batch in batches:
+                stream.take(batch, lambda work: pool.submit(work).result)
+            stream.settle()
+            ready = stream.drain(floor_ns)
+            if ready.height:
+                yield ready
+    rest = stream.finish()
+    if rest.height:
+        yield rest
 
 
 def _copied(batch: RawBatch) -> RawBatch:

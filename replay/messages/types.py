@@ -1,8 +1,8 @@
 """The types of messages as a tree, independent of the library that parsed the definition."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeAlias
 
 import polars as pl
 
@@ -42,6 +42,10 @@ ELEMENT_DTYPES: Final[dict[str, pl.DataType]] = {
 }
 
 
+#: The values of an enumeration with their names.
+ValueNames: TypeAlias = tuple[tuple[int, str], ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Scalar:
     """A number, a string, or a stamp (time or duration, in ns)."""
@@ -63,6 +67,8 @@ class RecordType:
 
     name: str
     fields: tuple[tuple[str, "FieldType"], ...]
+    #: by the fields that are enumerations: their values with the names that the definition gives
+    value_names: tuple[tuple[str, "ValueNames"], ...] = field(default=(), compare=False)
 
     def get(self, name: str) -> "FieldType | None":
         """The type of a field, or None."""
@@ -98,14 +104,41 @@ class MessageType:
     library: Library = ROSBAGS
 
 
-def leaves(record: RecordType, prefix: str = "") -> Iterator[str]:
-    """Dotted names of everything that can be a column; a list shows as `effort[]`."""
+@dataclass(frozen=True, slots=True)
+class LeafField:
+    """Something in a message that can be a column."""
+
+    #: dotted; a list shows as `effort[]`
+    name: str
+    #: as `Log.read` gives it
+    dtype: pl.DataType
+    #: of the lists on the way, from the outside in; None where a length varies
+    lengths: tuple[int | None, ...] = ()
+    value_names: ValueNames = ()
+    #: whether it is the stamp of a header, in ns since 1970
+    is_stamp: bool = False
+
+
+def leaf_fields(
+    record: RecordType, prefix: str = "", lengths: tuple[int | None, ...] = ()
+) -> Iterator[LeafField]:
+    """Everything in a message that can be a column, in the order of the definition."""
+    named = dict(record.value_names)
     for name, kind in record.fields:
-        path = f"{prefix}{name}"
+        path, inner, around = f"{prefix}{name}", kind, lengths
         if isinstance(kind, ListOf):
-            path = f"{path}[]"
-        inner = kind.element if isinstance(kind, ListOf) else kind
+            path, inner, around = f"{path}[]", kind.element, (*lengths, kind.length)
         if isinstance(inner, RecordType):
-            yield from leaves(inner, f"{path}.")
-        else:
-            yield path
+            yield from leaf_fields(inner, f"{path}.", around)
+            continue
+        assert isinstance(inner, Scalar), "there are no lists of lists"
+        dtype = (ELEMENT_DTYPES if around else COLUMN_DTYPES)[inner.kind]
+        for _ in around:
+            dtype = pl.List(dtype)
+        is_stamp = record.name == HEADER_TYPE and inner.kind == "stamp"
+        yield LeafField(path, dtype, around, named.get(name, ()), is_stamp)
+
+
+def leaves(record: RecordType) -> Iterator[str]:
+    """Dotted names of everything that can be a column; a list shows as `effort[]`."""
+    return (leaf.name for leaf in leaf_fields(record))

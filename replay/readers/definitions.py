@@ -32,6 +32,7 @@ from replay.messages.types import (
     MessageType,
     RecordType,
     Scalar,
+    ValueNames,
 )
 from replay.readers.storage import Connection
 
@@ -51,6 +52,9 @@ _DECODABLE: Final = {
     "protobuf": ("protobuf",),
 }
 _IDL_SEPARATOR: Final = "=" * 80 + "\n"
+_INTEGERS: Final = frozenset(
+    ("byte", "char", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+)
 #: parts request from reply
 _SERVICE_RULE: Final = "---"
 #: rosbags gives an empty ROS 2 message the byte that DDS sends for it
@@ -179,7 +183,7 @@ class _Records:
                 raise DefinitionError(f"{within[0]} has more than {_MOST_FIELDS} fields")
             if field != _PLACEHOLDER:
                 fields.append((field, self._field(description, within, repeated)))
-        return RecordType(name, tuple(fields))
+        return RecordType(name, tuple(fields), value_names(self._store.fielddefs[name]))
 
     def _field(self, description: Any, above: tuple[str, ...], repeated: int) -> FieldType:
         node, detail = description
@@ -204,6 +208,37 @@ class _Records:
                     f"{above[-1]} has an array of {length} elements, not supported"
                 )
         return ListOf(element, length)
+
+
+def value_names(definition: Any) -> tuple[tuple[str, ValueNames], ...]:
+    """The fields of a definition that are enumerations, with the names of their values.
+
+    ROS has constants and no enumerations. A constant belongs to the integer field whose name in
+    capitals begins its own (`STATUS_FIX` to `status`); where no constant begins so, all of one type
+    belong to the only field of that type (`ERROR` to the `level` of a DiagnosticStatus).
+    """
+    constants, described = definition
+    numbers = [(n, kind, v) for n, kind, v in constants if type(v) is int and kind != "bool"]
+    integers = {
+        name: detail[0]
+        for name, (node, detail) in described
+        if node == Nodetype.BASE and detail[0] in _INTEGERS
+    }
+    # the longest name first: STATUS_CODE_OK is no value of `status` where there is a `status_code`
+    by_length = sorted(integers, key=len, reverse=True)
+    found: dict[str, dict[int, str]] = {}
+    for constant, _, value in numbers:
+        owner = next((f for f in by_length if constant.startswith(f"{f.upper()}_")), None)
+        if owner is not None:
+            found.setdefault(owner, {}).setdefault(value, constant)
+    if not found:
+        for kind in {kind for _, kind, _ in numbers}:
+            owners = [name for name, of_kind in integers.items() if of_kind == kind]
+            if len(owners) == 1:
+                for constant, constant_kind, value in numbers:
+                    if constant_kind == kind:
+                        found.setdefault(owners[0], {}).setdefault(value, constant)
+    return tuple((name, tuple(values.items())) for name, values in found.items())
 
 
 def _decoder(store: Typestore, connection: Connection) -> Callable[[bytes], Any]:

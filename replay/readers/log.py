@@ -2,7 +2,7 @@
 
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from analysis.run import Loss
 from estimators.errors import LogError
 from estimators.file_digest import file_sha256
+from replay.messages.types import LeafField
 
 #: The one topic of a table.
 TABLE: Final = "table"
@@ -155,6 +156,50 @@ class Log(ABC):
         """
         self._check_open()
         return self._read_many(fields, start_ns, end_ns)
+
+    def scan(
+        self,
+        topic: str,
+        fields: Sequence[str],
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[pl.DataFrame]:
+        """Read fields of one topic as `read` does, a batch of rows at a time.
+
+        Where an index gives the time of every chunk, memory is bounded by the chunks that overlap.
+        Batches follow each other in log-time order; a message that lies outside the times that its
+        index gives comes late, and is among the losses.
+
+        Raises:
+            LogError: as `read`.
+        """
+        self._check_open()
+        return self._scan(topic, fields, start_ns, end_ns)
+
+    def _scan(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[pl.DataFrame]:
+        """Read from a log that is open, all at once where a format has no batches."""
+        yield self._read_many({topic: fields}, start_ns, end_ns)[topic]
+
+    def topic_names(self) -> list[str]:
+        """The topics, whether or not they can be decoded."""
+        return self.topics()["topic"].to_list()
+
+    def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
+        """What the columns of fields hold.
+
+        Args:
+            topic: its name.
+            fields: as for `read`; all that `topics()` names where None.
+
+        Raises:
+            LogError: as `read`.
+        """
+        described = self.topics().filter(topic=topic)["fields"].to_list()
+        names = fields if fields is not None else described[0] if described else ()
+        read = self.read(topic, names, start_ns=0, end_ns=0)
+        return tuple(LeafField(name, read.schema[name]) for name in dict.fromkeys(names))
 
     @abstractmethod
     def _read_many(

@@ -15,8 +15,8 @@ from estimators.errors import LogError, nearest
 from replay.decoding.decoder import Tally, schema_of
 from replay.decoding.factory import decoder_name, make_decoder
 from replay.messages.batch import RawBatch
-from replay.messages.fields import Field, FieldError, resolve
-from replay.messages.types import MessageType, leaves
+from replay.messages.fields import OWN_COLUMNS, Field, FieldError, resolve
+from replay.messages.types import LeafField, MessageType, leaf_fields, leaves
 from replay.readers.definitions import DefinitionError, compile_type
 from replay.readers.log import Checked, Log
 from replay.readers.storage import Connection, Container, LossList, no_times
@@ -86,19 +86,55 @@ class MessageLog(Log):
         streams = {
             c.id: reading for t, reading in readings.items() for c in self._topics[t].connections
         }
-        self._take_all(self._container.batches(list(streams), start_ns, end_ns), streams)
+        groups = self._container.groups(list(streams), start_ns, end_ns)
+        self._take_all((group.batches for group in groups), streams)
         return {topic: self._finish(topic, reading) for topic, reading in readings.items()}
 
-    def _reading(self, topic: str, fields: Sequence[str]) -> "Stream":
-        from replay.decoding.stream import Stream
+    def _scan(
+        self, topic: str, fields: Sequence[str], start_ns: int | None, end_ns: int | None
+    ) -> Iterator[pl.DataFrame]:
+        from replay.decoding.stream import drain_all
 
+        stream = self._reading(topic, fields)
+        ids = [connection.id for connection in self._topics[topic].connections]
+        try:
+            yield from drain_all(self._container.groups(ids, start_ns, end_ns), stream)
+        except GeneratorExit:  # nobody wants the rest
+            self._note(topic, stream.tally)
+            raise
+        self._judge(topic, stream.tally)
+
+    def topic_names(self) -> list[str]:
+        """The topics; see `Log.topic_names`."""
+        return list(self._topics)
+
+    def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
+        """What the columns of fields hold; see `Log.leaf_fields`."""
+        self._check_open()
+        kind = self._usable(topic).kind
+        assert kind is not None, "it is usable"
+        leaves = {leaf.name: leaf for leaf in leaf_fields(kind.record)}
+        if fields is None:
+            return tuple(leaf for name, leaf in leaves.items() if name not in OWN_COLUMNS)
+        resolved = self._resolve(topic, fields, kind)
+        return tuple(leaves.get(f.name, LeafField(f.name, f.dtype)) for f in resolved)
+
+    def _usable(self, topic: str) -> _Topic:
+        """A topic that can be decoded."""
         found = self._topics.get(topic)
         if found is None:
             raise LogError(f"{self.path}: no topic '{topic}'; {nearest(topic, self._topics)}")
         if found.kind is None:
             raise LogError(f"{self.path}: topic '{topic}' cannot be read: {found.problem}")
-        picked = self._resolve(topic, fields, found.kind)
-        return Stream(make_decoder(found.kind, picked), schema_of(picked))
+        return found
+
+    def _reading(self, topic: str, fields: Sequence[str]) -> "Stream":
+        from replay.decoding.stream import Stream
+
+        kind = self._usable(topic).kind
+        assert kind is not None, "it is usable"
+        picked = self._resolve(topic, fields, kind)
+        return Stream(make_decoder(kind, picked), schema_of(picked))
 
     def _take_all(self, groups: Iterable[list[RawBatch]], streams: Mapping[int, "Stream"]) -> None:
         # numba is slow to import, and a log can be described without it
@@ -155,7 +191,7 @@ class MessageLog(Log):
 
         def counted() -> Iterator[list[RawBatch]]:
             nonlocal message_bytes
-            for group in self._container.batches(list(topics), None, None):
+            for group, _ in self._container.groups(list(topics), None, None):
                 for batch in group:
                     times[batch.connection_id].append(batch.log_times)
                     message_bytes += int(batch.lengths.sum())

@@ -87,8 +87,15 @@ class _Types:
         """A message type; fields that contain it again, and maps, are left out."""
         within = (*above, descriptor.full_name)
         fields = ((field.name, self._field(field, within)) for field in descriptor.fields)
+        names = (
+            (field.name, tuple((value.number, value.name) for value in field.enum_type.values))
+            for field in descriptor.fields
+            if field.enum_type is not None
+        )
         return RecordType(
-            descriptor.full_name, tuple((name, kind) for name, kind in fields if kind is not None)
+            descriptor.full_name,
+            tuple((name, kind) for name, kind in fields if kind is not None),
+            tuple(names),
         )
 
     def _field(self, field: FieldDescriptor, above: tuple[str, ...]) -> FieldType | None:

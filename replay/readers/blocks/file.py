@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.run import Loss
-from replay.messages.batch import RawBatch
 from replay.readers.blocks.block import Block
 from replay.readers.blocks.slabs import Grammar
 from replay.readers.blocks.store import BlockStore
-from replay.readers.storage import Connection, FileBytes
+from replay.readers.storage import Connection, FileBytes, Group
 
 
 class BlockFile(ABC):
@@ -70,11 +69,15 @@ class BlockFile(ABC):
         """The log times of a connection, from the index or from the survey at opening."""
         return self._store.log_times(connection_id)
 
-    def batches(
+    def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[list[RawBatch]]:
+    ) -> Iterator[Group]:
         """Messages in file order; a damaged chunk costs that chunk."""
-        return self._store.batches(connection_ids, start_ns, end_ns)
+        return self._store.groups(connection_ids, start_ns, end_ns)
+
+    def earliest_ns(self) -> int:
+        """The earliest log time by the index."""
+        return self._store.earliest_ns
 
     @abstractmethod
     def check(self) -> int:

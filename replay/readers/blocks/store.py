@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.messages.batch import RawBatch
 from replay.readers.blocks.block import Block
 from replay.readers.blocks.damage import BlockDamage
 from replay.readers.blocks.slabs import Grammar, Slab, read_slabs
-from replay.readers.storage import KEY, TIME, FileBytes, group_by_key, no_times
+from replay.readers.storage import END_NS, KEY, TIME, FileBytes, Group, group_by_key, no_times
 
 if TYPE_CHECKING:
     from replay.readers.blocks.select import ChunkStats
@@ -75,6 +74,11 @@ class BlockStore:
     def last_ns(self) -> int | None:
         """The latest log time, None without messages."""
         return max((b.last_ns for b in self._blocks if b.counts), default=None)
+
+    @property
+    def earliest_ns(self) -> int:
+        """A log time that no message precedes."""
+        return min((b.first_ns for b in self._blocks if b.counts), default=END_NS)
 
     @property
     def offsets(self) -> Iterator[int]:
@@ -140,10 +144,10 @@ class BlockStore:
         """Log times of a connection, (n,) in ns."""
         return np.concatenate([no_times(), *self._times.get(connection_id, [])])
 
-    def batches(
+    def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[list[RawBatch]]:
-        """See `Container.batches`."""
+    ) -> Iterator[Group]:
+        """See `Container.groups`."""
         # compiled code, which describing a log does not wait for
         from replay.readers.blocks.select import select
 
@@ -158,9 +162,14 @@ class BlockStore:
             and block.last_ns >= first
         ]
         chosen = np.array(sorted(wanted), np.int64)
+        begins = np.array([*(block.first_ns for block in touched), END_NS], np.int64)
+        floors = np.minimum.accumulate(begins[::-1])[::-1]
+        done = 0
         for slab in read_slabs(self.file, touched, self.grammar):
             self._judge(slab)
-            yield list(select(slab.data, slab.rows, chosen, first, last))
+            done += len(slab.parts) + len(slab.damaged)
+            found = list(select(slab.data, slab.rows, chosen, first, last))
+            yield Group(found, int(floors[done]))
 
     def _judge(self, slab: Slab) -> None:
         for block, why in slab.damaged:

@@ -14,12 +14,20 @@ from numpy.typing import NDArray
 
 from analysis.run import Loss
 from estimators.errors import LogError
-from replay.messages.batch import RawBatch
 from replay.readers.mcap import McapFile
 from replay.readers.rosbag2.metadata import METADATA, Metadata, MetadataError, read_metadata
 from replay.readers.rosbag2.zstd import unpack_file, unpack_messages
 from replay.readers.sqlite import Db3File
-from replay.readers.storage import Connection, Container, LossList, no_times, prefetch
+from replay.readers.storage import (
+    END_NS,
+    UNKNOWN_NS,
+    Connection,
+    Container,
+    Group,
+    LossList,
+    no_times,
+    prefetch,
+)
 
 #: Parts of a split recording may reach into each other by as much.
 _OVERLAP_NS: Final = 1_000_000_000
@@ -145,11 +153,13 @@ class Rosbag2Directory:
         part_number, inner = self._origin[connection_id]
         return self._parts[part_number].log_times(inner)
 
-    def batches(
+    def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[list[RawBatch]]:
+    ) -> Iterator[Group]:
         """Messages file by file."""
+        later = [part.earliest_ns() for part in self._parts[1:]]
         for part_number, part in enumerate(self._parts):
+            behind = min(later[part_number:], default=END_NS)
             outer = {
                 inner: key
                 for key, (number, inner) in enumerate(self._origin)
@@ -157,20 +167,21 @@ class Rosbag2Directory:
             }
             if not outer:
                 continue
-            stored = part.batches(list(outer), start_ns, end_ns)
+            stored = part.groups(list(outer), start_ns, end_ns)
             if self._metadata.message_zstd:
                 stored = prefetch(self._unpacked(part, stored))
-            for group in stored:
-                yield [replace(b, connection_id=outer[b.connection_id]) for b in group]
+            for batches, floor_ns in stored:
+                renamed = [replace(b, connection_id=outer[b.connection_id]) for b in batches]
+                yield Group(renamed, min(floor_ns, behind))
 
-    def _unpacked(
-        self, part: Container, stored: Iterator[list[RawBatch]]
-    ) -> Iterator[list[RawBatch]]:
+    def _unpacked(self, part: Container, stored: Iterator[Group]) -> Iterator[Group]:
         lost: Counter[int] = Counter()
-        for batch in chain.from_iterable(stored):
-            for unpacked, damaged in unpack_messages(batch):
-                lost[batch.connection_id] += damaged
-                yield [unpacked]
+        floor_ns = UNKNOWN_NS
+        for batches, next_floor_ns in stored:
+            for unpacked, damaged in chain.from_iterable(map(unpack_messages, batches)):
+                lost[unpacked.connection_id] += damaged
+                yield Group([unpacked], floor_ns)
+            floor_ns = next_floor_ns
         topics = {c.id: c.topic for c in part.connections}
         for key, count in lost.items():
             if count:
@@ -214,6 +225,10 @@ class Rosbag2Directory:
                     f"begins {(end - start) / 1e9:.3f} s before {first} ends, so they may be no "
                     "parts of one recording: what both hold counts twice; name one of them alone",
                 )
+
+    def earliest_ns(self) -> int:
+        """The earliest log time of all files."""
+        return min((part.earliest_ns() for part in self._parts), default=END_NS)
 
     def check(self) -> int:
         """Check every file."""

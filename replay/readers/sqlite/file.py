@@ -4,6 +4,7 @@ import sqlite3
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +18,22 @@ from replay.readers.sqlite.query import fetch_all
 from replay.readers.sqlite.table import MessageTable
 from replay.readers.sqlite.tear import describe_tear, unclosed_bytes
 from replay.readers.storage import (
+    END_NS,
     KEY,
     LENGTH,
     OFFSET,
     TIME,
+    UNKNOWN_NS,
     Connection,
     Damage,
     FileBytes,
+    Group,
     group_by_key,
     no_times,
 )
+
+#: Smaller databases are read whole before the first row is given, sorted by log time.
+_LEAST_BYTES_TO_ORDER: Final = 64 * 2**20
 
 
 class Db3File:
@@ -51,6 +58,9 @@ class Db3File:
                     f"the recorder did not finish it: the last {unclosed:,} bytes of "
                     f"{journal.name} are messages that it never committed, and are not read"
                 )
+            self._size = file.size
+            #: by how much log times go back from the latest so far, at most; None until known
+            self._back_ns: int | None = None
             self._database = _connect(path, unfinished=unfinished)
             opened.callback(self._database.close)
             try:
@@ -121,18 +131,50 @@ class Db3File:
             self._damage.note(what, topic)
         return times[times >= 0]
 
-    def batches(
+    def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[list[RawBatch]]:
+    ) -> Iterator[Group]:
         """Messages as stored; a damaged page of the database costs that page."""
         first = 0 if start_ns is None else max(start_ns, 0)
         last = 2**63 - 1 if end_ns is None else end_ns
+        latest = UNKNOWN_NS
         for found in self._table.messages(connection_ids, first, last):
             rows = found.rows
-            yield [
+            batches = [
                 RawBatch(key, found.data, rows[OFFSET, at], rows[LENGTH, at], rows[TIME, at])
                 for key, at in group_by_key(rows[KEY])
             ]
+            latest = max(latest, int(rows[TIME].max(initial=UNKNOWN_NS)))
+            yield Group(batches, self._floor_ns(latest))
+
+    def _floor_ns(self, latest: int) -> int:
+        """The log time before which nothing follows a row of the log time `latest`.
+
+        A database keeps rows in the order in which they were recorded, without an index by time;
+        by how much they go back is seen in a pass over all of them, which a small one is not worth.
+        """
+        if self._size < _LEAST_BYTES_TO_ORDER or latest == UNKNOWN_NS:
+            return UNKNOWN_NS
+        if self._back_ns is None:
+            most, back = UNKNOWN_NS, 0
+            for found in self._table.times():
+                times = found.rows[TIME]
+                if times.size:
+                    highest = np.maximum(np.maximum.accumulate(times), most)
+                    back = max(back, int((highest - times).max()))
+                    most = int(highest[-1])
+            self._back_ns = back
+        return max(latest - self._back_ns, UNKNOWN_NS)
+
+    def earliest_ns(self) -> int:
+        """The earliest log time, as SQLite finds it."""
+        try:
+            ((earliest,),) = fetch_all(self._database, "SELECT min(timestamp) FROM messages")
+        except BrokenBytesError:
+            return UNKNOWN_NS
+        if earliest is None:
+            return END_NS
+        return earliest if isinstance(earliest, int) else UNKNOWN_NS
 
     def check(self) -> int:
         """Let SQLite check its pages; it keeps no CRCs."""

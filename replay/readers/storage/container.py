@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,14 @@ class Connection:
     definition_format: str
 
 
+class Group(NamedTuple):
+    """Batches that lie in the same memory, and what may still follow them."""
+
+    batches: list[RawBatch]
+    #: no later message has an earlier log time, unless the index lies
+    floor_ns: int
+
+
 class Container(Protocol):
     """Where messages come from. Losses grow while it is read."""
 
@@ -46,15 +54,19 @@ class Container(Protocol):
         """The log times of a connection in ns, from the index where there is one, in any order."""
         ...
 
-    def batches(
+    def groups(
         self, connection_ids: Collection[int], start_ns: int | None, end_ns: int | None
-    ) -> Iterator[list[RawBatch]]:
+    ) -> Iterator[Group]:
         """Messages of some connections in file order, both bounds inclusive.
 
         Batches of several connections that lie in the same memory come together. They are done
         with when the next ones are asked for: their memory is used again. Damage ends up in
         `losses`; it raises nothing.
         """
+        ...
+
+    def earliest_ns(self) -> int:
+        """A log time that no message precedes, as far as that is known without reading them."""
         ...
 
     def check(self) -> int:
@@ -68,6 +80,12 @@ class Container(Protocol):
     def close(self) -> None:
         """Release the files."""
         ...
+
+
+#: nothing is known of what follows
+UNKNOWN_NS: Final = -(2**63)
+#: nothing follows
+END_NS: Final = 2**63 - 1
 
 
 def no_times() -> NDArray[np.int64]:

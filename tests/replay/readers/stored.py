@@ -18,7 +18,9 @@ def stored(container: Container, start_ns: int | None = None, end_ns: int | None
     """Every message, in the order of topic, then of the file."""
     topics = {connection.id: connection.topic for connection in container.connections}
     found: list[Stored] = []
-    for batch in chain.from_iterable(container.batches(list(topics), start_ns, end_ns)):
+    for batch in chain.from_iterable(
+        g.batches for g in container.groups(list(topics), start_ns, end_ns)
+    ):
         logged = batch.log_times.tolist()
         topic = topics[batch.connection_id]
         found += [(topic, t, data) for t, data in zip(logged, batch.messages(), strict=True)]

@@ -1,0 +1,5 @@
+"""Logs as frames: topics as lazy frames and Arrow streams, SQL over them, Parquet of them.
+
+`shape` says what the columns of a topic are, `predicate` which time range a filter asks for,
+`topic_source` gives batches of rows, and `scan` hands them to polars and to Arrow.
+"""

@@ -1,0 +1,138 @@
+"""The time range that a filter asks for, from the tree of polars' expression.
+
+An expression offers its children (`meta.pop`) and whether it equals another (`meta.eq`). What a
+node does is found by building what it may be from its children, so that nothing depends on how
+polars prints or stores expressions. What is not understood bounds nothing.
+"""
+
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import polars as pl
+
+FIRST_NS: Final = -(2**63)
+LAST_NS: Final = 2**63 - 1
+
+_MIRRORED: Final[dict[Callable[..., pl.Expr], Callable[..., pl.Expr]]] = {
+    operator.ge: operator.le,
+    operator.gt: operator.lt,
+    operator.le: operator.ge,
+    operator.lt: operator.gt,
+    operator.eq: operator.eq,
+}
+_CLOSED: Final = ("both", "left", "right", "none")
+#: What polars casts a column of times to before it compares it, and by how many ns that may round.
+_CASTS: Final[tuple[tuple[pl.DataType, int], ...]] = (
+    (pl.Datetime("ns"), 0),
+    (pl.Datetime("ns", "UTC"), 0),
+    (pl.Datetime("us"), 1_000),
+    (pl.Datetime("us", "UTC"), 1_000),
+    (pl.Datetime("ms"), 1_000_000),
+    (pl.Datetime("ms", "UTC"), 1_000_000),
+    (pl.Int64(), 0),
+    (pl.Int128(), 0),
+    # a float of 2^63 has steps of 1024
+    (pl.Float64(), 2_048),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TimeRange:
+    """Log times in ns, both inclusive."""
+
+    first_ns: int = FIRST_NS
+    last_ns: int = LAST_NS
+
+    def __and__(self, other: "TimeRange") -> "TimeRange":
+        return TimeRange(max(self.first_ns, other.first_ns), min(self.last_ns, other.last_ns))
+
+    def __or__(self, other: "TimeRange") -> "TimeRange":
+        return TimeRange(min(self.first_ns, other.first_ns), max(self.last_ns, other.last_ns))
+
+
+def time_range(predicate: pl.Expr, column: str) -> TimeRange:
+    """Bound the log times of the rows that a predicate may keep.
+
+    Args:
+        predicate: any expression; rows outside the range are false for it, rows inside may be.
+        column: of the log times: ns as Int64, or a Datetime.
+    """
+    parts = list(reversed(predicate.meta.pop()))
+    if len(parts) == 2:
+        left, right = parts
+        for combine in (operator.and_, operator.or_):
+            if combine(left, right).meta.eq(predicate):
+                return combine(time_range(left, column), time_range(right, column))
+        return _compared(predicate, left, right, column)
+    if len(parts) == 3:
+        values, low, high = parts
+        for closed in _CLOSED:
+            if values.is_between(low, high, closed=closed).meta.eq(predicate):
+                above = operator.ge if closed in ("both", "left") else operator.gt
+                below = operator.le if closed in ("both", "right") else operator.lt
+                return _bound(values, above, low, column) & _bound(values, below, high, column)
+    return TimeRange()
+
+
+def _compared(predicate: pl.Expr, left: pl.Expr, right: pl.Expr, column: str) -> TimeRange:
+    for compare, mirrored in _MIRRORED.items():
+        if compare(left, right).meta.eq(predicate):
+            if right.meta.root_names():
+                return _bound(right, mirrored, left, column)
+            return _bound(left, compare, right, column)
+    return TimeRange()
+
+
+def _bound(
+    values: pl.Expr, compare: Callable[..., pl.Expr], limit: pl.Expr, column: str
+) -> TimeRange:
+    """Bound times that compare with a limit, a constant; unbounded where it is something else."""
+    slack = _rounding_ns(values, column)
+    if slack is None or limit.meta.root_names():
+        return TimeRange()
+    limit_ns = _constant_ns(limit)
+    if limit_ns is None:
+        return TimeRange()
+    low, high = limit_ns
+    first, last = FIRST_NS, LAST_NS
+    if compare in (operator.ge, operator.gt, operator.eq):
+        first = low - slack + (compare is operator.gt and low == high and not slack)
+    if compare in (operator.le, operator.lt, operator.eq):
+        last = high + slack - (compare is operator.lt and low == high and not slack)
+    return TimeRange(max(first, FIRST_NS), min(last, LAST_NS))
+
+
+def _rounding_ns(values: pl.Expr, column: str) -> int | None:
+    """By how much the times of an expression may be rounded; None where it is not the column."""
+    times = pl.col(column)
+    if values.meta.eq(times):
+        return 0
+    for dtype, slack in _CASTS:
+        for strict in (True, False):
+            if values.meta.eq(times.cast(dtype, strict=strict)):
+                return slack
+    return None
+
+
+def _constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
+    """A constant in ns, and the next integer where it lies between two; None for no number."""
+    try:
+        value = pl.select(limit).to_series()
+        if value.dtype == pl.Date or isinstance(value.dtype, pl.Datetime):
+            value = value.dt.timestamp("ns") if value.dtype == pl.Date else _exact_ns(value)
+    except pl.exceptions.PolarsError:
+        return None
+    number = value[0] if value.len() == 1 else None
+    if isinstance(number, bool) or not isinstance(number, int | float) or number != number:
+        return None
+    if abs(number) >= 2**63:
+        return None
+    return (int(number // 1), int(-(-number // 1)))
+
+
+def _exact_ns(value: pl.Series) -> pl.Series:
+    """A Datetime in ns as a number, which does not overflow."""
+    per_unit = {"ns": 1, "us": 1_000, "ms": 1_000_000}[value.dtype.time_unit]  # type: ignore[attr-defined]
+    return value.to_physical().cast(pl.Int128) * per_unit

@@ -1,0 +1,211 @@
+"""Topics of logs as lazy frames of polars, and as streams of Arrow."""
+
+from collections.abc import Iterator, Sequence
+from datetime import timedelta
+from glob import glob, has_magic
+from pathlib import Path
+from typing import Any, Literal
+
+import polars as pl
+from polars.io.plugins import register_io_source
+
+from analysis.run import Loss
+from estimators.errors import LogError, nearest
+from replay.frames.shape import LOG_TIME, LOG_TIME_NS, FrameOptions
+from replay.frames.topic_source import SOURCE, TopicSource
+from replay.readers import TimeAxis, logs_in
+
+Logs = str | Path | Sequence[str | Path]
+
+
+def scan_log(  # noqa: PLR0913 - each names one choice
+    logs: Logs,
+    topic: str,
+    *,
+    fields: Sequence[str] | None = None,
+    nested: Literal["dotted", "struct"] = "dotted",
+    arrays: Literal["list", "array"] = "list",
+    enums: Literal["name", "number"] = "name",
+    times: Literal["datetime", "ns"] = "datetime",
+    time: TimeAxis | None = None,
+    losses: list[Loss] | None = None,
+) -> pl.LazyFrame:
+    """Scan a topic of one or several logs as a lazy frame.
+
+    What a query selects, its row limit and what its filter asks of the log time and the source
+    reach the index of each log, so that only chunks that may hold such rows are read and only
+    fields that are needed are decoded. Rows come log by log, in log-time order within each.
+
+    Args:
+        logs: a log as `open_log` takes it, a folder of logs, a pattern (`shifts/*.bag`), or several
+            of these. Unless it is one log, a column `source` says which log a row is of.
+        topic: its name (`payscope info` lists them; a table has the one topic `table`).
+        fields: dotted names, an element by index or name among them (`effort[left]`); without,
+            all that the messages have.
+        nested: columns by dotted names (`angular_velocity.z`), or structs.
+        arrays: arrays of a fixed length as `list` or `array`.
+        enums: enumerations by the `name` that the definition gives, or by `number`.
+        times: `log_time` and `header_stamp` in UTC, or `log_time_ns` and `header_stamp_ns`.
+        time: where tables keep their time.
+        losses: takes what could not be read, once rows are read; a `LossWarning` says it besides.
+
+    Raises:
+        LogError: no such log, topic or field. What goes wrong while rows are read comes from
+            polars as a ComputeError with the same line.
+    """
+    options = FrameOptions(nested, arrays, enums, times)
+    return lazy_frame(_source(logs, topic, options, fields, time, losses))
+
+
+def lazy_frame(source: TopicSource) -> pl.LazyFrame:
+    """A source as a lazy frame."""
+
+    def batches(
+        columns: list[str] | None,
+        predicate: pl.Expr | None,
+        n_rows: int | None,
+        batch_size: int | None,
+    ) -> Iterator[pl.DataFrame]:
+        del batch_size  # a hint; the size of a chunk is the log's
+        return source.batches(columns, predicate, n_rows)
+
+    return register_io_source(batches, schema=source.schema, explain_name=f"log {source.topic}")
+
+
+class LogStream:
+    """A topic as a stream of Arrow record batches; each reader of it reads the logs anew.
+
+    DuckDB, pyarrow, pandas and DataFusion take it by `__arrow_c_stream__`.
+
+    Attributes:
+        losses: what could not be read so far.
+        schema: the columns.
+    """
+
+    def __init__(
+        self, source: TopicSource, columns: Sequence[str] | None, predicate: pl.Expr | None
+    ) -> None:
+        self._source, self._columns, self._predicate = source, columns, predicate
+        names = source.schema if columns is None else columns
+        for name in names:
+            if name not in source.schema:
+                raise LogError(
+                    f"no column '{name}' in topic '{source.topic}'; {nearest(name, source.schema)}"
+                )
+        self.schema = pl.Schema({name: source.schema[name] for name in names})
+        self.losses = source.losses
+
+    def __iter__(self) -> Iterator[pl.DataFrame]:
+        return self._source.batches(self._columns, self._predicate)
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        import pyarrow as pa  # slow to import
+
+        def arrow(frame: pl.DataFrame) -> Any:
+            # views of strings are news to pandas and to others
+            return frame.to_arrow(compat_level=pl.CompatLevel.oldest())
+
+        schema = arrow(self.schema.to_frame()).schema
+        batches = (batch for frame in self for batch in arrow(frame).to_batches())
+        reader: Any = pa.RecordBatchReader.from_batches(schema, batches)
+        return reader.__arrow_c_stream__(requested_schema)
+
+
+def stream_log(
+    logs: Logs,
+    topic: str,
+    *,
+    columns: Sequence[str] | None = None,
+    where: pl.Expr | None = None,
+    fields: Sequence[str] | None = None,
+    options: FrameOptions = FrameOptions(),  # noqa: B008 - it is frozen
+    time: TimeAxis | None = None,
+    losses: list[Loss] | None = None,
+) -> LogStream:
+    """Stream a topic to libraries that take Arrow, with the rows that `scan_log` gives.
+
+    Args:
+        logs: as for `scan_log`.
+        topic: likewise.
+        columns: which of them; all where None.
+        where: keeps the rows for which it is true; a range of `log_time` bounds what is read.
+        fields: as for `scan_log`.
+        options: how messages become columns.
+        time: where tables keep their time.
+        losses: takes what could not be read.
+
+    Raises:
+        LogError: no such log, topic, field or column.
+    """
+    return LogStream(_source(logs, topic, options, fields, time, losses), columns, where)
+
+
+def join_topics(
+    left: pl.LazyFrame,
+    right: pl.LazyFrame,
+    *,
+    tolerance: str | timedelta | None = None,
+    strategy: Literal["backward", "forward", "nearest"] = "backward",
+    suffix: str = "_right",
+) -> pl.LazyFrame:
+    """Give each row of one topic the row of another that is nearest in time.
+
+    Args:
+        left: from `scan_log`, its rows stay as they are.
+        right: of the same logs, with the same `times`.
+        tolerance: how far apart they may be, such as "20ms"; any distance where None.
+        strategy: the last row before, the first behind, or the nearest.
+        suffix: of columns of `right` that `left` has as well; its time is one of them.
+    """
+    has = left.collect_schema(), right.collect_schema()
+    time = LOG_TIME if LOG_TIME in has[0] else LOG_TIME_NS
+    by = [SOURCE] if all(SOURCE in each for each in has) else None
+    if time == LOG_TIME_NS and isinstance(tolerance, str):
+        tolerance_ns: Any = pl.select(pl.duration(nanoseconds=0).dt.offset_by(tolerance)).item()
+        tolerance = tolerance_ns
+    return left.join_asof(
+        right,
+        on=time,
+        by=by,
+        tolerance=tolerance,
+        strategy=strategy,
+        suffix=suffix,
+        coalesce=False,
+        check_sortedness=False,
+    )
+
+
+def log_paths(logs: Logs) -> tuple[list[Path], bool]:
+    """The logs that are named, and whether they may be several.
+
+    Raises:
+        LogError: a pattern or a folder that has none.
+    """
+    named = [logs] if isinstance(logs, str | Path) else list(logs)
+    found: list[Path] = []
+    for each in named:
+        if has_magic(str(each)) and not Path(each).exists():
+            matching = sorted(map(Path, glob(str(each), recursive=True)))  # noqa: PTH207 - the pattern may be absolute
+            if not matching:
+                raise LogError(f"{each}: no log has such a name")
+            found += matching
+        else:
+            found.append(Path(each))
+    if not found:
+        raise LogError("no log is named")
+    paths = logs_in(found)
+    return paths, not isinstance(logs, str | Path) or paths != [Path(logs)]
+
+
+def _source(
+    logs: Logs,
+    topic: str,
+    options: FrameOptions,
+    fields: Sequence[str] | None,
+    time: TimeAxis | None,
+    losses: list[Loss] | None,
+) -> TopicSource:
+    paths, is_several = log_paths(logs)
+    return TopicSource(
+        paths, topic, options, fields=fields, with_source=is_several, time=time, losses=losses
+    )

@@ -1,0 +1,193 @@
+"""The columns that a topic has as a frame: dotted or nested, lists or arrays, names or numbers."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, cast
+
+import numpy as np
+import polars as pl
+
+from replay.messages.types import LeafField, ValueNames
+
+LOG_TIME_NS: Final = "log_time_ns"
+STAMP_NS: Final = "header_stamp_ns"
+LOG_TIME: Final = "log_time"
+STAMP: Final = "header_stamp"
+DATETIME: Final = pl.Datetime("ns", "UTC")
+
+
+@dataclass(frozen=True, slots=True)
+class FrameOptions:
+    """How a topic becomes columns.
+
+    Attributes:
+        nested: `dotted` names a column by its way through the message, `struct` keeps the way.
+        arrays: whether arrays of a fixed length are a `list` or an `array`.
+        enums: whether an enumeration has the `name` of each value, or its `number`.
+        times: whether log times and header stamps are a `datetime` (UTC, in ns) or `ns` (Int64).
+    """
+
+    nested: Literal["dotted", "struct"] = "dotted"
+    arrays: Literal["list", "array"] = "list"
+    enums: Literal["name", "number"] = "name"
+    times: Literal["datetime", "ns"] = "datetime"
+
+
+#: Columns as `Log.read` gives them.
+AS_READ: Final = FrameOptions(enums="number", times="ns")
+
+
+@dataclass(frozen=True, slots=True)
+class _Branch:
+    """A message in a message, or a list of them."""
+
+    #: where it is a list of messages
+    is_list: bool
+    #: of the list, None where it varies
+    length: int | None
+    below: "dict[str, _Branch | LeafField]" = field(default_factory=dict)
+
+
+class TopicShape:
+    """The columns of one topic, and how they are made of what `Log.read` gives."""
+
+    def __init__(self, leaves: Sequence[LeafField], options: FrameOptions) -> None:
+        self._options = options
+        self.leaves = {leaf.name: leaf for leaf in leaves}
+        is_dated = options.times == "datetime"
+        self.time = LOG_TIME if is_dated else LOG_TIME_NS
+        self._own = {self.time: LOG_TIME_NS, (STAMP if is_dated else STAMP_NS): STAMP_NS}
+        is_nested = options.nested == "struct"
+        self._tree: dict[str, _Branch | LeafField] = (
+            _tree(leaves) if is_nested else {leaf.name: leaf for leaf in leaves}
+        )
+        schema: dict[str, pl.DataType] = dict.fromkeys(
+            self._own, DATETIME if is_dated else pl.Int64()
+        )
+        for name, node in self._tree.items():
+            # a field that is named like a column of every topic gives way to it
+            schema.setdefault(name, self._dtype(node, 0))
+        self.schema = pl.Schema(schema)
+
+    def fields(self, columns: Sequence[str]) -> list[str]:
+        """The fields to read for some columns."""
+        wanted = [name for name in columns if name not in self._own]
+        return [leaf.name for name in wanted for leaf in _leaves_below(self._tree[name])]
+
+    def frame(self, read: pl.DataFrame, columns: Sequence[str]) -> pl.DataFrame:
+        """Make columns of what was read of their fields."""
+        made = [
+            read[self._own[name]].cast(self.schema[name]).alias(name)
+            if name in self._own
+            else self._column(self._tree[name], read.to_dict(), 0).alias(name)
+            for name in columns
+        ]
+        return pl.DataFrame(made)
+
+    def _dtype(self, node: _Branch | LeafField, depth: int) -> pl.DataType:
+        """The type of a column, inside so many lists."""
+        if isinstance(node, LeafField):
+            return self._leaf_dtype(node, depth)
+        inside = depth + node.is_list
+        record = pl.Struct({name: self._dtype(below, inside) for name, below in node.below.items()})
+        return self._listed(record, node.length) if node.is_list else record
+
+    def _leaf_dtype(self, leaf: LeafField, depth: int) -> pl.DataType:
+        dtype, lists = leaf.dtype, 0
+        while isinstance(dtype, pl.List):
+            dtype, lists = cast("pl.DataType", dtype.inner), lists + 1
+        if self._is_named(leaf):
+            dtype = pl.String()
+        elif leaf.is_stamp and self._options.times == "datetime":
+            dtype = DATETIME
+        for length in reversed((leaf.lengths or (None,) * lists)[depth:]):
+            dtype = self._listed(dtype, length)
+        return dtype
+
+    def _listed(self, dtype: pl.DataType, length: int | None) -> pl.DataType:
+        is_array = length is not None and self._options.arrays == "array"
+        return pl.Array(dtype, length) if is_array else pl.List(dtype)
+
+    def _is_named(self, leaf: LeafField) -> bool:
+        return bool(leaf.value_names) and self._options.enums == "name"
+
+    def _column(
+        self, node: _Branch | LeafField, values: Mapping[str, pl.Series], depth: int
+    ) -> pl.Series:
+        """A column of a node, from the values of its leaves inside so many lists."""
+        if isinstance(node, LeafField):
+            found = values[node.name]
+            if self._is_named(node):
+                found = _named(found, node.value_names)
+            dtype = self._leaf_dtype(node, depth)
+            return found if found.dtype == dtype else found.cast(dtype)
+        if not node.is_list:
+            columns = [
+                self._column(below, values, depth).alias(name) for name, below in node.below.items()
+            ]
+            return pl.DataFrame(columns).to_struct()
+        leaves = [leaf.name for leaf in _leaves_below(node)]
+        counts = values[leaves[0]].list.len()
+        flat = {name: _elements(values[name]) for name in leaves}
+        record = self._column(_Branch(False, None, node.below), flat, depth + 1)
+        return _relisted(record, counts).cast(self._dtype(node, depth))
+
+
+def _tree(leaves: Sequence[LeafField]) -> dict[str, _Branch | LeafField]:
+    """Leaves by the way that their names go."""
+    tree: dict[str, _Branch | LeafField] = {}
+    for leaf in leaves:
+        *way, last = leaf.name.split(".")
+        here, depth = tree, 0
+        for step in way:
+            is_list = step.endswith("[]")
+            length = leaf.lengths[depth] if is_list and depth < len(leaf.lengths) else None
+            node = here.setdefault(step.removesuffix("[]"), _Branch(is_list, length))
+            depth += is_list
+            if isinstance(node, LeafField):  # a column of a table that is named like a way
+                break
+            here = node.below
+        else:
+            here[last.removesuffix("[]")] = leaf
+    return tree
+
+
+def _leaves_below(node: _Branch | LeafField) -> Iterator[LeafField]:
+    if isinstance(node, LeafField):
+        yield node
+    else:
+        for below in node.below.values():
+            yield from _leaves_below(below)
+
+
+def _elements(lists: pl.Series) -> pl.Series:
+    """The elements of all lists, one behind the other."""
+    return pl.Series(lists.name, lists.to_arrow().flatten(), dtype=lists.dtype.inner)  # type: ignore[attr-defined]
+
+
+def _relisted(elements: pl.Series, counts: pl.Series) -> pl.Series:
+    """Lists of so many elements each; null where a count is."""
+    import pyarrow as pa  # slow to import, and needed where messages hold lists of messages
+
+    ends = counts.fill_null(0).cast(pl.Int64).cum_sum().to_numpy()
+    offsets = pa.array(np.concatenate([np.zeros(1, np.int64), ends]))
+    mask = pa.array(counts.is_null().to_numpy()) if counts.null_count() else None
+    lists: Any = pa.LargeListArray.from_arrays(offsets, elements.to_arrow(), mask=mask)
+    return pl.Series(elements.name, lists)
+
+
+def _named(values: pl.Series, names: ValueNames) -> pl.Series:
+    """The names of values; the digits of one that the definition does not name."""
+    number: pl.Expr = pl.element() if isinstance(values.dtype, pl.List) else pl.col(values.name)
+    numbers, texts = zip(*names, strict=True)
+    named = number.replace_strict(
+        numbers, texts, default=number.cast(pl.String), return_dtype=pl.String
+    )
+    depth, dtype = 0, values.dtype
+    while isinstance(dtype, pl.List):
+        dtype, depth = dtype.inner, depth + 1
+    for _ in range(depth - 1):
+        named = pl.element().list.eval(named)
+    if depth:
+        named = pl.col(values.name).list.eval(named)
+    return values.to_frame().select(named.alias(values.name)).to_series()

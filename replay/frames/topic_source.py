@@ -1,0 +1,217 @@
+"""A topic of one or several logs as batches of rows: chosen columns, of a time range."""
+
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from functools import cached_property
+from pathlib import Path
+from typing import Final
+
+import polars as pl
+
+from analysis.run import Loss
+from estimators.errors import LogError, PayscopeError, nearest
+from replay.frames.logs import opened_log
+from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
+from replay.frames.shape import FrameOptions, TopicShape
+from replay.messages.types import LeafField
+from replay.readers import Log, TimeAxis
+
+#: Which log a row is of, where there are several.
+SOURCE: Final = "source"
+
+
+class LossWarning(UserWarning):
+    """Something of a log could not be read."""
+
+
+class TopicSource:
+    """A topic of some logs, which are read when batches are taken.
+
+    Attributes:
+        losses: what could not be read so far, of every log.
+        failure: the error that ended the reading. Polars gives only its text.
+    """
+
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        topic: str,
+        options: FrameOptions,
+        *,
+        fields: Sequence[str] | None = None,
+        with_source: bool = False,
+        time: TimeAxis | None = None,
+        losses: list[Loss] | None = None,
+    ) -> None:
+        """Look at the first log that has the topic.
+
+        Args:
+            paths: logs, one after another.
+            topic: of all of them; a log without it is a loss, unless all are.
+            options: how messages become columns.
+            fields: dotted names of what is wanted, an element of a list among them; all where None.
+            with_source: whether a column says which log a row is of.
+            time: where tables keep their time.
+            losses: takes what could not be read; else they are in `losses` alone.
+
+        Raises:
+            LogError: a log that cannot be opened, a topic that none of them has.
+        """
+        self.losses: list[Loss] = [] if losses is None else losses
+        self.failure: PayscopeError | None = None
+        self.topic, self._paths, self._options = topic, tuple(paths), options
+        self._time, self._asked = time, fields
+        self._source = SOURCE if with_source else None
+        self._shape = self._first_shape()
+
+    @cached_property
+    def schema(self) -> pl.Schema:
+        """The columns."""
+        mine: dict[str, pl.DataType] = {} if self._source is None else {self._source: pl.String()}
+        return pl.Schema({**mine, **self._shape.schema})
+
+    @property
+    def time(self) -> str:
+        """The column of the log times."""
+        return self._shape.time
+
+    def batches(
+        self,
+        columns: Sequence[str] | None = None,
+        predicate: pl.Expr | None = None,
+        n_rows: int | None = None,
+    ) -> Iterator[pl.DataFrame]:
+        """Rows log by log, in the order of log times within each.
+
+        Args:
+            columns: which of the schema; all where None.
+            predicate: keeps rows of the first `n_rows`; what it asks of time and of the log
+                bounds what is read.
+            n_rows: at most so many, before the predicate.
+        """
+        try:
+            yield from self._batches(list(columns or self.schema), predicate, n_rows)
+        except PayscopeError as error:
+            self.failure = error
+            raise
+
+    def _batches(
+        self, columns: list[str], predicate: pl.Expr | None, n_rows: int | None
+    ) -> Iterator[pl.DataFrame]:
+        within, needed = TimeRange(), list(columns)
+        if predicate is not None:
+            needed += [c for c in predicate.meta.root_names() if c not in needed]
+            if n_rows is None:  # a range would change which rows are the first
+                within = time_range(predicate, self.time)
+        left = LAST_NS if n_rows is None else n_rows
+        for path in self._paths:
+            if left <= 0 or within.first_ns > within.last_ns:
+                return
+            if not self._may_keep(path, predicate):
+                continue
+            for frame in self._of_log(path, needed, within):
+                rows = frame[:left] if frame.height > left else frame
+                left -= rows.height
+                if predicate is not None:
+                    rows = rows.filter(predicate)
+                if rows.height:
+                    yield rows.select(columns)
+                if left <= 0:
+                    break
+
+    def _may_keep(self, path: Path, predicate: pl.Expr | None) -> bool:
+        """Whether what a predicate asks of the source leaves rows of a log."""
+        if predicate is None or self._source is None:
+            return True
+        known = pl.DataFrame({self._source: [str(path)]})
+        for part in _conjuncts(predicate):
+            if part.meta.root_names() == [self._source]:
+                with suppress(pl.exceptions.PolarsError):
+                    if not known.select(part.any()).item():
+                        return False
+        return True
+
+    def _of_log(self, path: Path, needed: list[str], within: TimeRange) -> Iterator[pl.DataFrame]:
+        log = opened_log(path, self._time)
+        told = len(self.losses)
+        try:
+            yield from self._rows(log, needed, within)
+        finally:
+            self.losses += [loss for loss in log.losses() if loss not in self.losses]
+            _warn(path, self.losses[told:])
+
+    def _rows(self, log: Log, needed: list[str], within: TimeRange) -> Iterator[pl.DataFrame]:
+        shape, own = self._shape, [name for name in needed if name != self._source]
+        if not self._has_topic(log):
+            return
+        fields = shape.fields(own)
+        known = {leaf.name: leaf for leaf in self._leaves(log)}
+        missing = [name for name in fields if name not in known]
+        for name in missing:
+            self._note(log, f"its messages have no field '{name}', which is null here")
+        for name in known.keys() & fields:
+            is_same = known[name].dtype == shape.leaves[name].dtype
+            if not is_same:
+                raise LogError(
+                    f"{log.path}: topic '{self.topic}' has '{name}' as {known[name].dtype}, the "
+                    f"logs before as {shape.leaves[name].dtype}; scan them apart, or name fields"
+                )
+        bounds = (
+            None if within.first_ns == FIRST_NS else within.first_ns,
+            None if within.last_ns == LAST_NS else within.last_ns,
+        )
+        there = [name for name in fields if name in known]
+        for read in log.scan(self.topic, there, *bounds):
+            nulls = [pl.lit(None, shape.leaves[name].dtype).alias(name) for name in missing]
+            frame = shape.frame(read.with_columns(nulls) if nulls else read, own)
+            if self._source in needed:
+                # a frame without columns has no height either
+                height = pl.repeat(str(log.path), read.height, dtype=pl.String, eager=True)
+                frame = (
+                    frame.with_columns(height.alias(SOURCE))
+                    if own
+                    else pl.DataFrame({SOURCE: height})
+                )
+            yield frame.select(needed)
+
+    def _has_topic(self, log: Log) -> bool:
+        if self.topic in log.topic_names():
+            return True
+        self._note(log, "this log does not have the topic")
+        return False
+
+    def _note(self, log: Log, what: str) -> None:
+        loss = Loss(source=log.path.name, topic=self.topic, what=what)
+        if loss not in self.losses:
+            self.losses.append(loss)
+
+    def _first_shape(self) -> TopicShape:
+        named: dict[str, None] = {}
+        for path in self._paths:
+            log = opened_log(path, self._time)
+            topics = log.topic_names()
+            if self.topic in topics:
+                return TopicShape(self._leaves(log), self._options)
+            named |= dict.fromkeys(topics)
+        logs = ", ".join(map(str, self._paths[:3])) + (" …" if len(self._paths) > 3 else "")
+        raise LogError(f"{logs}: no topic '{self.topic}'; {nearest(self.topic, named)}")
+
+    def _leaves(self, log: Log) -> tuple[LeafField, ...]:
+        return log.leaf_fields(self.topic, self._asked)
+
+
+def _conjuncts(predicate: pl.Expr) -> Iterator[pl.Expr]:
+    """The parts that must all hold."""
+    parts = list(reversed(predicate.meta.pop()))
+    if len(parts) == 2 and (parts[0] & parts[1]).meta.eq(predicate):
+        for part in parts:
+            yield from _conjuncts(part)
+    else:
+        yield predicate
+
+
+def _warn(path: Path, losses: Sequence[Loss]) -> None:
+    if losses:
+        more = f" (and {len(losses) - 1} more)" if len(losses) > 1 else ""
+        warnings.warn(f"{path}: {losses[0]}{more}", LossWarning, stacklevel=2)
