@@ -8,10 +8,12 @@ polars prints or stores expressions. What is not understood bounds nothing.
 import operator
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil, floor, isfinite
 from typing import Final
 
 import polars as pl
 
+_NS_PER_UNIT: Final = {"ns": 1, "us": 1_000, "ms": 1_000_000}
 FIRST_NS: Final = -(2**63)
 LAST_NS: Final = 2**63 - 1
 
@@ -117,22 +119,20 @@ def _rounding_ns(values: pl.Expr, column: str) -> int | None:
 
 
 def _constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
-    """A constant in ns, and the next integer where it lies between two; None for no number."""
+    """The integers around a constant in ns, equal where it is one; None for what is no number."""
     try:
         value = pl.select(limit).to_series()
-        if value.dtype == pl.Date or isinstance(value.dtype, pl.Datetime):
-            value = value.dt.timestamp("ns") if value.dtype == pl.Date else _exact_ns(value)
     except pl.exceptions.PolarsError:
         return None
-    number = value[0] if value.len() == 1 else None
-    if isinstance(number, bool) or not isinstance(number, int | float) or number != number:
+    ns_per_unit = 1
+    if isinstance(value.dtype, pl.Date):
+        ns_per_unit = 86_400 * 10**9
+    elif isinstance(value.dtype, pl.Datetime):
+        ns_per_unit = _NS_PER_UNIT[value.dtype.time_unit]
+    elif value.dtype.is_temporal():
         return None
-    if abs(number) >= 2**63:
+    number = value.to_physical()[0] if value.len() == 1 else None
+    if isinstance(number, bool) or not isinstance(number, int | float) or not isfinite(number):
         return None
-    return (int(number // 1), int(-(-number // 1)))
-
-
-def _exact_ns(value: pl.Series) -> pl.Series:
-    """A Datetime in ns as a number, which does not overflow."""
-    per_unit = {"ns": 1, "us": 1_000, "ms": 1_000_000}[value.dtype.time_unit]  # type: ignore[attr-defined]
-    return value.to_physical().cast(pl.Int128) * per_unit
+    low, high = floor(number) * ns_per_unit, ceil(number) * ns_per_unit
+    return (low, high) if FIRST_NS < low and high < LAST_NS else None

@@ -50,8 +50,7 @@ def scan_log(  # noqa: PLR0913 - each names one choice
         losses: takes what could not be read, once rows are read; a `LossWarning` says it besides.
 
     Raises:
-        LogError: no such log, topic or field. What goes wrong while rows are read comes from
-            polars as a ComputeError with the same line.
+        LogError: no such log, topic or field; when rows are read, a topic that cannot be decoded.
     """
     options = FrameOptions(nested, arrays, enums, times)
     return lazy_frame(_source(logs, topic, options, fields, time, losses))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 
 import numpy as np
 import polars as pl
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from analysis.run import Loss
 from estimators.errors import LogError
 from estimators.file_digest import file_sha256
-from replay.messages.types import LeafField
+
+if TYPE_CHECKING:
+    from replay.messages.types import LeafField
 
 #: The one topic of a table.
 TABLE: Final = "table"
@@ -186,7 +188,7 @@ class Log(ABC):
         """The topics, whether or not they can be decoded."""
         return self.topics()["topic"].to_list()
 
-    def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> tuple[LeafField, ...]:
+    def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> "tuple[LeafField, ...]":
         """What the columns of fields hold.
 
         Args:
@@ -196,6 +198,8 @@ class Log(ABC):
         Raises:
             LogError: as `read`.
         """
+        from replay.messages.types import LeafField  # its libraries are slow to import
+
         described = self.topics().filter(topic=topic)["fields"].to_list()
         names = fields if fields is not None else described[0] if described else ()
         read = self.read(topic, names, start_ns=0, end_ns=0)

@@ -1,0 +1,90 @@
+"""Which time range a filter asks for."""
+
+from datetime import UTC, date, datetime
+from operator import eq, ge, gt, le, lt
+from typing import Any
+
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
+
+T = pl.col("t")
+DAY_NS = 86_400 * 10**9
+
+
+@pytest.mark.parametrize(
+    ("predicate", "first", "last"),
+    [
+        (T >= 5, 5, LAST_NS),
+        (T > 5, 6, LAST_NS),
+        (pl.lit(5) > T, FIRST_NS, 4),
+        (T == 5, 5, 5),
+        ((T >= 5) & (pl.col("x") > 1) & (T < 9), 5, 8),
+        (((T >= 5) & (T < 7)) | ((T >= 20) & (T < 30)), 5, 29),
+        ((T >= 5) | (pl.col("x") > 1), FIRST_NS, LAST_NS),
+        (T.is_between(2, 4), 2, 4),
+        (T.is_between(2, 4, closed="none"), 3, 3),
+        (~(T > 5), FIRST_NS, LAST_NS),
+        (T * 2 > 5, FIRST_NS, LAST_NS),
+        (T > pl.col("x"), FIRST_NS, LAST_NS),
+        (T > pl.lit(None), FIRST_NS, LAST_NS),
+        (T >= 2.5, 2, LAST_NS),
+        (T >= date(1970, 1, 2), DAY_NS, LAST_NS),
+        (T <= datetime(1970, 1, 2, tzinfo=UTC), FIRST_NS, DAY_NS),
+        (T >= datetime(9000, 1, 1, tzinfo=UTC), FIRST_NS, LAST_NS),
+        (T.cast(pl.Datetime("us")) > datetime(1970, 1, 2), DAY_NS - 1000, LAST_NS),  # noqa: DTZ001
+        (T >= pl.lit(3) + pl.lit(4), 7, LAST_NS),
+    ],
+)
+def test_a_range_is_found_in_the_tree(predicate: pl.Expr, first: int, last: int) -> None:
+    assert time_range(predicate, "t") == TimeRange(first, last)
+
+
+leaf = st.builds(
+    lambda compare, limit, mirrored: compare(limit, T) if mirrored else compare(T, limit),
+    st.sampled_from([ge, gt, le, lt, eq]),
+    st.integers(-3, 13).map(pl.lit),
+    st.booleans(),
+) | st.builds(
+    lambda low, more, closed: T.is_between(low, low + more, closed=closed),
+    *(st.integers(0, 9), st.integers(0, 5), st.sampled_from(["both", "left", "right", "none"])),
+)
+trees: Any = st.recursive(
+    leaf | st.sampled_from([pl.col("x") > 3, T.is_null()]),
+    lambda inner: (
+        st.builds(lambda a, b: a & b, inner, inner)
+        | st.builds(lambda a, b: a | b, inner, inner)
+        | inner.map(lambda a: ~a)
+    ),
+    max_leaves=6,
+)
+
+
+@given(trees)
+def test_no_row_that_a_filter_keeps_is_outside_its_range(predicate: pl.Expr) -> None:
+    rows = pl.DataFrame({"t": range(11), "x": [7, 1] * 5 + [7]})
+    kept = rows.filter(predicate)["t"]
+    within = time_range(predicate, "t")
+    assert kept.is_between(within.first_ns, within.last_ns).all()
+
+
+def test_sql_and_polars_reach_the_source_alike() -> None:
+    from polars.io.plugins import register_io_source
+
+    ranges: list[TimeRange] = []
+    schema = pl.Schema({"t": pl.Datetime("ns", "UTC"), "x": pl.Int64()})
+
+    def rows(columns: Any, predicate: Any, *_: Any) -> Any:
+        ranges.append(time_range(predicate, "t"))
+        frame = pl.DataFrame({"t": [0], "x": [1]}, schema=schema).filter(predicate)
+        yield frame if columns is None else frame.select(columns)
+
+    lazy = register_io_source(rows, schema=schema)
+    begin, end = datetime(1970, 1, 2, tzinfo=UTC), datetime(1970, 1, 3, tzinfo=UTC)
+    lazy.filter((T >= begin) & (T < end)).select("x").collect()
+    context = pl.SQLContext(log=lazy)
+    context.execute("SELECT x FROM log WHERE t >= '1970-01-02' AND t < '1970-01-03'").collect()
+    assert ranges == [TimeRange(DAY_NS, 2 * DAY_NS - 1)] * 2

@@ -1,0 +1,71 @@
+"""A topic as a stream of Arrow, for whatever takes one."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import duckdb
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pytest
+
+import payscope
+from estimators.errors import LogError
+from tests.replay.frames.test_scan import START_NS, STEP_NS, joints, time
+from tests.replay.readers.written_logs import write_mcap
+
+REPO = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    write_mcap(tmp_path / "shift.mcap", joints(300))
+    return tmp_path / "shift.mcap"
+
+
+def test_pyarrow_reads_what_polars_collects(log: Path) -> None:
+    table = pa.table(payscope.stream_log(log, "/joints"))
+    assert pl.DataFrame(table).equals(payscope.scan_log(log, "/joints").collect())
+
+
+def test_pandas_reads_it(log: Path) -> None:
+    stream = payscope.stream_log(log, "/joints", columns=["log_time", "effort[0]"],
+                                 fields=["effort[0]"])  # fmt: skip
+    found = pd.DataFrame.from_arrow(stream)
+    assert found["effort[0]"].sum() == sum(range(300))
+    assert found["log_time"].iloc[0] == pd.Timestamp(START_NS, tz="UTC")
+
+
+def test_duckdb_queries_it_as_often_as_it_likes(log: Path) -> None:
+    stream = payscope.stream_log(log, "/joints", fields=["effort[left]"])
+    table = duckdb.connect().from_arrow(stream)
+    assert table.aggregate("count(*), max(\"effort[left]\")").fetchall() == [(300, 299.0)]
+    assert pa.table(stream).num_rows == 300
+
+
+def test_a_filter_on_the_time_bounds_the_stream(log: Path) -> None:
+    within = pl.col("log_time").is_between(time(10), time(19), closed="both")
+    stream = payscope.stream_log(log, "/joints", columns=["name[]"], where=within)
+    assert stream.schema == {"name[]": pl.List(pl.String())}
+    read = payscope.open_log(log).read("/joints", [], *(START_NS + k * STEP_NS for k in (10, 19)))
+    assert sum(frame.height for frame in stream) == read.height
+
+
+def test_a_column_that_is_not_there_is_named(log: Path) -> None:
+    with pytest.raises(LogError, match="did you mean 'log_time'"):
+        payscope.stream_log(log, "/joints", columns=["log_tim"])
+
+
+def test_scanning_imports_nothing_of_recordings(log: Path) -> None:
+    code = (
+        f"import sys, payscope; payscope.scan_log({str(log)!r}, '/joints').collect()\n"
+        # numba asks scipy for its version, and for nothing else
+        "heavy = ('rerun', 'matplotlib', 'pandas', 'typer', 'recordings')\n"
+        "heavy += tuple(f'scipy.{part}' for part in ('linalg', 'signal', 'special', 'stats'))\n"
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=REPO
+    )
+    assert done.stdout.strip() == "[]"
