@@ -20,19 +20,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 if TYPE_CHECKING:
     from recordings import read_recording, write_recording
     from replay import load_machine, open_log, run
-    from replay.frames.convert import convert_log
-    from replay.frames.query import query
     from replay.frames.scan import LogStream, join_topics, scan_log, stream_log
     from replay.frames.topic_source import LossWarning
 
 __all__ = [
     "LogStream",
     "LossWarning",
-    "convert_log",
     "join_topics",
     "load_machine",
     "open_log",
-    "query",
     "read_recording",
     "run",
     "scan_log",
@@ -43,11 +39,9 @@ __all__ = [
 _HOMES = {
     "LogStream": "replay.frames.scan",
     "LossWarning": "replay.frames.topic_source",
-    "convert_log": "replay.frames.convert",
     "join_topics": "replay.frames.scan",
     "load_machine": "replay",
     "open_log": "replay",
-    "query": "replay.frames.query",
     "read_recording": "recordings",
     "run": "replay",
     "scan_log": "replay.frames.scan",

@@ -135,4 +135,4 @@ def _constant_ns(limit: pl.Expr) -> tuple[int, int] | None:
     if isinstance(number, bool) or not isinstance(number, int | float) or not isfinite(number):
         return None
     low, high = floor(number) * ns_per_unit, ceil(number) * ns_per_unit
-    return (low, high) if FIRST_NS < low and high < LAST_NS else None
+    return (low, high) if low > FIRST_NS and high < LAST_NS else None

@@ -188,7 +188,9 @@ class Log(ABC):
         """The topics, whether or not they can be decoded."""
         return self.topics()["topic"].to_list()
 
-    def leaf_fields(self, topic: str, fields: Sequence[str] | None = None) -> "tuple[LeafField, ...]":
+    def leaf_fields(
+        self, topic: str, fields: Sequence[str] | None = None
+    ) -> "tuple[LeafField, ...]":
         """What the columns of fields hold.
 
         Args:

@@ -11,32 +11,32 @@ from hypothesis import strategies as st
 
 from replay.frames.predicate import FIRST_NS, LAST_NS, TimeRange, time_range
 
-T = pl.col("t")
+when = pl.col("t")
 DAY_NS = 86_400 * 10**9
 
 
 @pytest.mark.parametrize(
     ("predicate", "first", "last"),
     [
-        (T >= 5, 5, LAST_NS),
-        (T > 5, 6, LAST_NS),
-        (pl.lit(5) > T, FIRST_NS, 4),
-        (T == 5, 5, 5),
-        ((T >= 5) & (pl.col("x") > 1) & (T < 9), 5, 8),
-        (((T >= 5) & (T < 7)) | ((T >= 20) & (T < 30)), 5, 29),
-        ((T >= 5) | (pl.col("x") > 1), FIRST_NS, LAST_NS),
-        (T.is_between(2, 4), 2, 4),
-        (T.is_between(2, 4, closed="none"), 3, 3),
-        (~(T > 5), FIRST_NS, LAST_NS),
-        (T * 2 > 5, FIRST_NS, LAST_NS),
-        (T > pl.col("x"), FIRST_NS, LAST_NS),
-        (T > pl.lit(None), FIRST_NS, LAST_NS),
-        (T >= 2.5, 2, LAST_NS),
-        (T >= date(1970, 1, 2), DAY_NS, LAST_NS),
-        (T <= datetime(1970, 1, 2, tzinfo=UTC), FIRST_NS, DAY_NS),
-        (T >= datetime(9000, 1, 1, tzinfo=UTC), FIRST_NS, LAST_NS),
-        (T.cast(pl.Datetime("us")) > datetime(1970, 1, 2), DAY_NS - 1000, LAST_NS),  # noqa: DTZ001
-        (T >= pl.lit(3) + pl.lit(4), 7, LAST_NS),
+        (when >= 5, 5, LAST_NS),
+        (when > 5, 6, LAST_NS),
+        (pl.lit(5) > when, FIRST_NS, 4),
+        (when == 5, 5, 5),
+        ((when >= 5) & (pl.col("x") > 1) & (when < 9), 5, 8),
+        (((when >= 5) & (when < 7)) | ((when >= 20) & (when < 30)), 5, 29),
+        ((when >= 5) | (pl.col("x") > 1), FIRST_NS, LAST_NS),
+        (when.is_between(2, 4), 2, 4),
+        (when.is_between(2, 4, closed="none"), 3, 3),
+        (~(when > 5), FIRST_NS, LAST_NS),
+        (when * 2 > 5, FIRST_NS, LAST_NS),
+        (when > pl.col("x"), FIRST_NS, LAST_NS),
+        (when > pl.lit(None), FIRST_NS, LAST_NS),
+        (when >= 2.5, 2, LAST_NS),
+        (when >= date(1970, 1, 2), DAY_NS, LAST_NS),
+        (when <= datetime(1970, 1, 2, tzinfo=UTC), FIRST_NS, DAY_NS),
+        (when >= datetime(9000, 1, 1, tzinfo=UTC), FIRST_NS, LAST_NS),
+        (when.cast(pl.Datetime("us")) > datetime(1970, 1, 2), DAY_NS - 1000, LAST_NS),
+        (when >= pl.lit(3) + pl.lit(4), 7, LAST_NS),
     ],
 )
 def test_a_range_is_found_in_the_tree(predicate: pl.Expr, first: int, last: int) -> None:
@@ -44,16 +44,16 @@ def test_a_range_is_found_in_the_tree(predicate: pl.Expr, first: int, last: int)
 
 
 leaf = st.builds(
-    lambda compare, limit, mirrored: compare(limit, T) if mirrored else compare(T, limit),
+    lambda compare, limit, mirrored: compare(limit, when) if mirrored else compare(when, limit),
     st.sampled_from([ge, gt, le, lt, eq]),
     st.integers(-3, 13).map(pl.lit),
     st.booleans(),
 ) | st.builds(
-    lambda low, more, closed: T.is_between(low, low + more, closed=closed),
+    lambda low, more, closed: when.is_between(low, low + more, closed=closed),
     *(st.integers(0, 9), st.integers(0, 5), st.sampled_from(["both", "left", "right", "none"])),
 )
 trees: Any = st.recursive(
-    leaf | st.sampled_from([pl.col("x") > 3, T.is_null()]),
+    leaf | st.sampled_from([pl.col("x") > 3, when.is_null()]),
     lambda inner: (
         st.builds(lambda a, b: a & b, inner, inner)
         | st.builds(lambda a, b: a | b, inner, inner)
@@ -84,7 +84,7 @@ def test_sql_and_polars_reach_the_source_alike() -> None:
 
     lazy = register_io_source(rows, schema=schema)
     begin, end = datetime(1970, 1, 2, tzinfo=UTC), datetime(1970, 1, 3, tzinfo=UTC)
-    lazy.filter((T >= begin) & (T < end)).select("x").collect()
+    lazy.filter((when >= begin) & (when < end)).select("x").collect()
     context = pl.SQLContext(log=lazy)
     context.execute("SELECT x FROM log WHERE t >= '1970-01-02' AND t < '1970-01-03'").collect()
     assert ranges == [TimeRange(DAY_NS, 2 * DAY_NS - 1)] * 2

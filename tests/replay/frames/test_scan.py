@@ -62,9 +62,8 @@ def test_every_topic_of_every_log_is_as_read_with_its_losses(own_logs: list[Path
             try:
                 read = fresh.read(row["topic"], row["fields"])
             except LogError as error:
-                with pytest.raises(LogError, match="none of its"):
+                with pytest.raises(LogError, match=re.escape(str(error))):
                     payscope.scan_log(path, row["topic"]).collect()
-                assert "none of its" in str(error)
                 continue
             lazy = payscope.scan_log(path, row["topic"], losses=losses, **AS_READ)
             assert lazy.collect_schema() == read.schema

@@ -66,11 +66,13 @@ def diagnostics(levels: list[int]) -> Any:
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("shape") / "log"
+    trees = [transforms(["a", "b"]), transforms([]), transforms(["c"])]
+    levels = [diagnostics([0, 2]), diagnostics([])]
     written = [
         ("/fix", "sensor_msgs/msg/NavSatFix", [fix(-1), fix(0), fix(77)]),
-        ("/tf", "tf2_msgs/msg/TFMessage", [transforms(["a", "b"]), transforms([]), transforms(["c"])]),
-        ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", [diagnostics([0, 2]), diagnostics([])]),
-    ]  # fmt: skip
+        ("/tf", "tf2_msgs/msg/TFMessage", trees),
+        ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", levels),
+    ]
     with Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
         for topic, kind, messages in written:
             connection = writer.add_connection(topic, kind, typestore=ROS2)
