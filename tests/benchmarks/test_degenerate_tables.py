@@ -16,8 +16,10 @@ from benchmarks.degenerate_tables import (
     Job,
     disagreements,
     drive,
+    explained,
     jobs_of,
     replayed,
+    told,
 )
 from benchmarks.drawn_tables import DrawnTable, draw
 from replay.commands.cli import app
@@ -135,6 +137,30 @@ def test_a_degenerate_table_is_weighed_or_refused_in_a_line(case: str, tmp_path:
     replayed(DrawnTable(0, log, machine, case), payscope)
     assert not payscope.faults, "\n".join(payscope.faults)
     assert payscope.ran == Counter(run=payscope.ran["run"])
+
+
+#: Tables of the campaign that ended commands in a traceback or a warning.
+ONCE_FAULTS: dict[str, tuple[int, Job]] = {
+    "an accelerometer that feels no gravity": (2_000_291, told),
+    "a first moment over a mass of zero": (2_000_318, told),
+    "turns that do not tell all parameters": (2_001_018, told),
+    "terms that are one but for rounding": (2_001_035, explained),
+    "a speed whose noise has no square": (2_001_152, told),
+    "pooled masses without a deviation": (2_001_826, told),
+    "a part of the log without a force": (2_002_682, told),
+    "effects that nothing determines": (2_002_051, told),
+    "loads of which a fit says nothing": (2_002_776, told),
+}
+
+
+@pytest.mark.parametrize("case", ONCE_FAULTS)
+def test_what_once_ended_in_a_fault_does_not(case: str, tmp_path: Path) -> None:
+    seed, job = ONCE_FAULTS[case]
+    payscope = Driven(tmp_path)
+    made = replayed(draw(seed, tmp_path), payscope)
+    assert made is not None
+    job(made, payscope)
+    assert not payscope.faults, "\n".join(payscope.faults)
 
 
 def test_a_run_that_says_two_things_is_a_fault(tmp_path: Path) -> None:
