@@ -98,7 +98,7 @@ shift-coverage: $(TEST_STAMP) ## how often intervals of payloads and tonnes hold
 payloads: $(TEST_STAMP) ## payload by difference on logs of the independent bench; goes on with payloads.jsonl (an hour or two)
 	$(BIN)/python -P benchmarks/payloads.py --json payloads.jsonl
 
-degenerate: $(TEST_STAMP) ## every command on 10,000 tables that no machine would record; goes on with degenerate_tables.jsonl (three hours)
+degenerate: $(TEST_STAMP) ## every command on 10,000 tables that no machine would record; goes on with degenerate_tables.jsonl (two hours and a half)
 	$(BIN)/python -P benchmarks/degenerate_tables.py --json degenerate_tables.jsonl
 
 independent-shifts: $(TEST_STAMP) ## sixty shifts of the independent bench, reviewed; goes on with independent_shifts.jsonl (an hour)

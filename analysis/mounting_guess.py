@@ -137,6 +137,8 @@ def gravity_tilt_deg(frame: pl.DataFrame, machine: Machine) -> float:
     if not force.size:
         return float("nan")
     mean = np.median(force, axis=0)
+    if len(axes) > 1 and not mean.any():  # an accelerometer that feels no gravity shows no tilt
+        return float("nan")
     if len(axes) == 1:
         share = float(np.abs(mean[0])) / machine.machine.gravity_m_s2
         return float(np.degrees(np.arcsin(min(share, 1.0))))

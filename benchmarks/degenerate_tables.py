@@ -4,12 +4,12 @@
                                              [--json degenerate_tables.jsonl]
 
 `drawn_tables` draws the tables, each by its seed; those that the file of results has are not driven
-again. A table is inspected, drafted a machine file of, replayed, shown, and one of the other jobs
-is done with it, in turn (viewer and fleet, which are slow to start, of one in 250); `--every` does
-all of them. Commands run in this process, as a user would
-type them. What breaks a promise is printed and kept: an exception, a warning that Python would
-print, an exit status that has no meaning, a message of several lines, JSON that is none, and a run
-whose headline, `can_weigh`, exit status and recording do not agree.
+again. Each table is replayed, and two of the other jobs are done with it, every pair in turn (viewer
+and fleet, which are slow to start, of one in 250); `--every` does all of them. Commands that read a
+recording read that one. Commands run in this process, as a user would type them. What breaks a
+promise is printed and kept: an exception, a warning that Python would print, an exit status that
+has no meaning, a message of several lines, JSON that is none, and a run whose headline,
+`can_weigh`, exit status and recording do not agree.
 """
 
 import json
@@ -49,7 +49,9 @@ _MOST_BYTES: Final = 8 << 30
 #: Tables that a process drives before another takes its place.
 _TABLES_A_PROCESS: Final = 50
 #: Runs of a campaign, each with one mass and so much more of the force than the one before.
-_RUNS: Final = 4
+_RUNS: Final = 3
+#: Of the stages of a recording so many are shown of one table, others of another.
+_STAGES: Final = 6
 _GROWS: Final = 0.2
 _CAMPAIGN: Final = """
 [campaign]
@@ -91,7 +93,24 @@ file = "{machine}"
 """
 
 
-Job = Callable[[DrawnTable, Path, "Driven"], None]
+@dataclass(frozen=True)
+class Replayed:
+    """A table that `run` has replayed.
+
+    Attributes:
+        drawn: the table and its machine file.
+        recording: of the run.
+        status: exit status of the run.
+        said: by the run with `--json`.
+    """
+
+    drawn: DrawnTable
+    recording: Path
+    status: int
+    said: dict[str, Any]
+
+
+Job = Callable[[Replayed, "Driven"], None]
 
 
 @dataclass
@@ -190,37 +209,27 @@ def _no_number(name: str) -> None:
     raise ValueError(f"{name} is no JSON")
 
 
-def inspected(drawn: DrawnTable, payscope: Driven) -> None:
-    """`info` and `init`; the draft is a machine file that `run` takes or refuses in a line."""
-    payscope("info", drawn.log)
-    payscope.json("info", drawn.log, "--check")
-    draft = payscope.folder / "draft.toml"
-    status, _ = payscope("init", drawn.log, "-o", draft)
-    if status == 0:
-        payscope("run", drawn.log, "-m", draft)
-
-
-def replayed(drawn: DrawnTable, payscope: Driven) -> Path | None:
-    """`run`, whose text, JSON, exit status and recording agree; the recording."""
+def replayed(drawn: DrawnTable, payscope: Driven) -> Replayed | None:
+    """`run`, whose JSON, exit status and recording agree; None where it is refused."""
     recording = payscope.folder / "drawn.rrd"
     status, said = payscope.json("run", drawn.log, "-m", drawn.machine, "-o", recording)
-    if said is None:
+    if said is None or not recording.exists():
         return None
-    again, text = payscope("run", drawn.log, "-m", drawn.machine, "--goal", "5")
-    payscope.require(again == status, f"run: exit status {status}, then {again}")
-    for fault in disagreements(status, said, text, recording):
+    for fault in disagreements(status, said, recording):
         payscope.require(False, f"run: {fault}")
-    return recording
+    return Replayed(drawn, recording, status, said)
 
 
-def disagreements(status: int, said: dict[str, Any], text: str, recording: Path) -> Iterator[str]:
+def disagreements(
+    status: int, said: dict[str, Any], recording: Path, text: str | None = None
+) -> Iterator[str]:
     """What of a run says that there is a mass, or that there is none, unlike the others.
 
     Args:
         status: of `run`.
         said: with `--json`.
-        text: without.
         recording: of the run.
+        text: without `--json`; None where it was not asked for.
     """
     can_weigh = said["verdict"]["can_weigh"]
     kept = answer(read_recording(recording))
@@ -229,8 +238,7 @@ def disagreements(status: int, said: dict[str, Any], text: str, recording: Path)
     others = {
         "exit status 0": status == 0,
         "a load with a mass": has_mass,
-        "the text 'can weigh'": "This log can weigh" in text,
-        "no text 'cannot weigh'": "This log cannot weigh" not in text,
+        **({} if text is None else _by_text(text)),
         "the recording's verdict": kept.verdict.can_weigh,
         "the recording's mass": any(load["mass_kg"] is not None for load in kept.loads),
     }
@@ -239,16 +247,50 @@ def disagreements(status: int, said: dict[str, Any], text: str, recording: Path)
         for what, holds in others.items()
         if holds != can_weigh
     )
-    if can_weigh and "no mass: " in text:
+    if can_weigh and text is not None and "no mass: " in text:
         yield "the text says 'no mass' beside 'can weigh'"
     if by_method and not can_weigh:
         yield "a method has a mass that is withheld"
 
 
-def show(_: DrawnTable, recording: Path, payscope: Driven) -> None:
-    """`show`: the stages, and each of them in one of its formats."""
+def _by_text(text: str) -> dict[str, bool]:
+    return {
+        "the text 'can weigh'": "This log can weigh" in text,
+        "no text 'cannot weigh'": "This log cannot weigh" not in text,
+    }
+
+
+def told(of: Replayed, payscope: Driven) -> None:
+    """`run` in words: exit status and text agree with the JSON."""
+    status, text = payscope("run", of.drawn.log, "-m", of.drawn.machine, "--goal", "5")
+    payscope.require(of.status == status, f"run: exit status {of.status}, then {status}")
+    for fault in disagreements(status, of.said, of.recording, text):
+        payscope.require(False, f"run: {fault}")
+
+
+def inspected(drawn: DrawnTable, payscope: Driven) -> None:
+    """`info`, with and without `--check`."""
+    payscope("info", drawn.log)
+    payscope.json("info", drawn.log, "--check")
+
+
+def drafted(drawn: DrawnTable, payscope: Driven) -> None:
+    """`init`; the draft is a machine file that `run` takes or refuses in a line."""
+    draft = payscope.folder / "draft.toml"
+    status, _ = payscope("init", drawn.log, "-o", draft)
+    if status == 0:
+        payscope("run", drawn.log, "-m", draft)
+
+
+def show(of: Replayed, payscope: Driven) -> None:
+    """`show`: the stages, and some of them in each of its formats."""
+    recording = of.recording
     status, text = payscope("show", recording, "--format", "json")
-    for number, stage in enumerate(json.loads(text) if status == 0 else []):
+    stages = list(json.loads(text)) if status == 0 else []
+    first = of.drawn.seed // len(JOBS) * _STAGES
+    some = {(first + number) % len(stages): number for number in range(_STAGES)} if stages else {}
+    for place, number in some.items():
+        stage = stages[place]
         if number % 3 == 0:
             payscope("show", recording, stage, "--from", "0", "--to", "5")
         elif number % 3 == 1:
@@ -257,43 +299,48 @@ def show(_: DrawnTable, recording: Path, payscope: Driven) -> None:
             payscope("show", recording, stage, "--at", "1")
 
 
-def plotted(_: DrawnTable, recording: Path, payscope: Driven) -> None:
+def plotted(of: Replayed, payscope: Driven) -> None:
     """`plot`."""
-    payscope("plot", recording, "-o", payscope.folder / "drawn.png")
+    payscope("plot", of.recording, "-o", payscope.folder / "drawn.png")
 
 
-def explained(drawn: DrawnTable, recording: Path, payscope: Driven) -> None:
-    """`explain`: of a recording, at a second, with a picture, and with `--apply`."""
-    payscope.json("explain", recording)
-    payscope("explain", recording, "--at", "3", "-o", payscope.folder / "explained.png")
+def explained(of: Replayed, payscope: Driven) -> None:
+    """`explain`: of a recording, and at a second with a picture."""
+    payscope.json("explain", of.recording)
+    payscope("explain", of.recording, "--at", "3", "-o", payscope.folder / "explained.png")
+
+
+def applied(of: Replayed, payscope: Driven) -> None:
+    """`explain --apply`."""
     mended = payscope.folder / "mended.toml"
-    payscope("explain", drawn.log, "-m", drawn.machine, "--apply", "-o", mended)
+    payscope("explain", of.drawn.log, "-m", of.drawn.machine, "--apply", "-o", mended)
 
 
-def compared(drawn: DrawnTable, recording: Path, payscope: Driven) -> None:
+def compared(of: Replayed, payscope: Driven) -> None:
     """`compare` with a run of another setting."""
     other = payscope.folder / "other.rrd"
     words = ("--set", "settings.gate.threshold_nat=0.1", "-o", other)
-    if payscope("run", drawn.log, "-m", drawn.machine, *words)[0] in (0, 1):
-        payscope("compare", recording, other)
-        payscope.json("compare", recording, other)
+    if payscope("run", of.drawn.log, "-m", of.drawn.machine, *words)[0] in (0, 1):
+        payscope("compare", of.recording, other)
+        payscope.json("compare", of.recording, other)
 
 
-def swept(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+def swept(of: Replayed, payscope: Driven) -> None:
     """`sweep` with its figure."""
     over = ("--over", "settings.gate.threshold_nat=0.1,0.7", "--reference", "100")
     figure = payscope.folder / "swept.png"
-    payscope("sweep", drawn.log, "-m", drawn.machine, *over, "--figure", figure)
+    payscope("sweep", of.drawn.log, "-m", of.drawn.machine, *over, "--figure", figure)
 
 
-def reviewed(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+def reviewed(of: Replayed, payscope: Driven) -> None:
     """`review`."""
     folder = payscope.folder / "review"
-    payscope("review", drawn.log, "-m", drawn.machine, "-o", folder, "--target", "100")
+    payscope("review", of.drawn.log, "-m", of.drawn.machine, "-o", folder, "--target", "100")
 
 
-def calibrated(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+def calibrated(of: Replayed, payscope: Driven) -> None:
     """`calibrate` with the table as every run, its force grown; `init --campaign`, `verify`."""
+    drawn = of.drawn
     logs = payscope.folder / "logs"
     logs.mkdir()
     table = pl.read_csv(drawn.log) if drawn.log.suffix == ".csv" else pl.read_parquet(drawn.log)
@@ -316,11 +363,15 @@ def calibrated(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
     payscope("init", "--campaign", logs, "-m", drawn.machine, "-o", draft)
 
 
-#: What is done with a recording besides showing it, in turn.
+#: What is done with a table that was replayed, two of them at a time.
 JOBS: Final[tuple[Job, ...]] = (
+    told,
+    lambda of, payscope: inspected(of.drawn, payscope),
+    lambda of, payscope: drafted(of.drawn, payscope),
     show,
     plotted,
     explained,
+    applied,
     compared,
     swept,
     reviewed,
@@ -328,19 +379,19 @@ JOBS: Final[tuple[Job, ...]] = (
 )
 
 
-def viewed(_: DrawnTable, recording: Path, payscope: Driven) -> None:
+def viewed(of: Replayed, payscope: Driven) -> None:
     """`view`: a stretch of the recording, photographed where the machine has a driver for it."""
     words = ("--from", "0", "--to", "5", "--screenshot", payscope.folder / "shots")
-    payscope("view", recording, *words, "--tab", "Overview")
+    payscope("view", of.recording, *words, "--tab", "Overview")
 
 
-def fleet(drawn: DrawnTable, _: Path, payscope: Driven) -> None:
+def fleet(of: Replayed, payscope: Driven) -> None:
     """`fleet`: a folder with the table replayed on the engine, queried, reported, compared."""
     logs, results = payscope.folder / "fleet", payscope.folder / "results"
     logs.mkdir()
-    shutil.copy(drawn.log, logs)
+    shutil.copy(of.drawn.log, logs)
     described = payscope.folder / "fleet.toml"
-    described.write_text(_FLEET.format(machine=drawn.machine), encoding="utf-8")
+    described.write_text(_FLEET.format(machine=of.drawn.machine), encoding="utf-8")
     start = ("fleet", "run", logs, "-m", described, "-o", results)
     payscope(*start, "--workers", "1", "--recordings")
     query = ("SELECT key, status, reason, can_weigh FROM results", "--format", "json")
@@ -361,18 +412,28 @@ _SLOW_EVERY: Final = 250
 WITHOUT_LOG: Final = frozenset({"demo", "excite", "reproduce", "simulate"})
 
 
+def jobs_of(seed: int) -> tuple[Job, ...]:
+    """Two jobs; every pair comes in turn."""
+    first, round_ = seed % len(JOBS), seed // len(JOBS)
+    other = (first + 1 + round_ % (len(JOBS) - 1)) % len(JOBS)
+    return JOBS[first], JOBS[other]
+
+
 def drive(seed: int, *, every: bool = False) -> tuple[str, list[str], Counter[str]]:
     """Drive one table; what was drawn, what broke a promise, and how often each command ran."""
     with tempfile.TemporaryDirectory(prefix="drawn-") as name:
         folder = Path(name)
         drawn, payscope = draw(seed, folder), Driven(folder)
-        inspected(drawn, payscope)
-        recording = replayed(drawn, payscope)
-        if recording is not None and recording.exists():
-            jobs = JOBS if every else (JOBS[seed % len(JOBS)],)
+        made = replayed(drawn, payscope)
+        if made is not None:
+            jobs = JOBS if every else jobs_of(seed)
             slow = SLOW_JOBS if every or seed % _SLOW_EVERY == 0 else ()
             for job in (*jobs, *slow):
-                job(drawn, recording, payscope)
+                job(made, payscope)
+        else:
+            # its own machine file refuses it; a draft may not
+            inspected(drawn, payscope)
+            drafted(drawn, payscope)
         return drawn.spoilt, payscope.faults, payscope.ran
 
 

@@ -97,10 +97,16 @@ class BaseEstimate:
         return np.sqrt(np.diagonal(self.covariance))
 
     def slope(self, numerator: str, denominator: str) -> tuple[float, Floats]:
-        """One parameter over another, and what it changes by with each parameter, (p,)."""
+        """One parameter over another, and what it changes by with each parameter, (p,).
+
+        NaN where the other one is 0.
+        """
         i, j = self.parameters.index(numerator), self.parameters.index(denominator)
-        ratio = float(self.theta[i] / self.theta[j])
         gradient = np.zeros(len(self.parameters))
+        if self.theta[j] == 0.0:
+            gradient[[i, j]] = np.nan
+            return float("nan"), gradient
+        ratio = float(self.theta[i] / self.theta[j])
         gradient[[i, j]] = np.array([1.0, -ratio]) / self.theta[j]
         return ratio, gradient
 

@@ -102,7 +102,8 @@ def _gated(evidence: Evidence, motion: Motion) -> float:
     if not mass_kg.size:
         return np.nan
     apart_kg = abs(mass_kg[0] - motion.fit.value)
-    return float(apart_kg / np.hypot(std_kg[0], motion.fit.std))
+    u_kg = float(np.hypot(std_kg[0], motion.fit.std))
+    return float(apart_kg / u_kg) if u_kg > 0.0 else np.nan
 
 
 def _told(name: str, meaning: str) -> CheckRow:

@@ -104,7 +104,8 @@ def _trade_offs(A: Floats) -> tuple[tuple[str, str, float], ...]:
     kept = [i for i in range(A.shape[1]) if length[i] > 0.0]
     scaled = A[:, kept] / length[kept]
     gram = scaled.T @ scaled
-    if len(kept) < 2 or np.linalg.cond(gram) > 1.0 / np.finfo(float).eps:
+    squares = np.linalg.eigvalsh(gram)
+    if len(kept) < 2 or squares[0] <= np.finfo(float).eps * squares[-1]:
         return ()
     covariance = np.linalg.inv(gram)
     std = np.sqrt(np.diagonal(covariance))

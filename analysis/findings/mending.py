@@ -109,7 +109,7 @@ def _mass_kg(case: Case, motion: Equation) -> float | None:
     known = _goes_alike(fit.motion, motion)
     # of a long log a part says as much of what a cause does
     motion = whole_stretches(motion.beginning(_TRIED))
-    if motion.used.sum() < _FEWEST:
+    if motion.used.sum() < _FEWEST or not motion.drives:
         return None
     motion = motion.around_fitted(_REACH_S)
     states = None if fit.states is None else fit.states.among(motion)
@@ -162,7 +162,7 @@ def _refitted(
         known: whether neither force nor speed changes, and with them no lag.
     """
     part = begun.motion.beginning(_PILOT)
-    if part is begun.motion:
+    if part is begun.motion or not part.drives:
         return again(begun, noise, priors, rounds=_ROUNDS - known)
     if known:
         return again(begun, noise, priors)

@@ -75,6 +75,8 @@ def force_system(
     taken = blocks(motion.group, FORCE)
     usual_kg = float(np.median(mass_kg[motion.used]))
     std = float(np.sqrt((g := np.array([usual_kg, friction, -1.0])) @ noise.covariance(FORCE) @ g))
+    # a force without noise is known to its last digit
+    std = max(std, np.finfo(np.float64).eps * motion.largest_force) or 1.0
     a, v, f = motion.acceleration[taken], motion.speed[taken], motion.force[taken]
     rate = _rate(motion.force, motion.rate_hz)[taken]
     columns = {
@@ -113,7 +115,8 @@ def wheel_system(motion: Equation, noise: NoiseOfColumns) -> System | None:
     if reads is None:
         return None
     step_s = 1.0 / motion.rate_hz
-    of_speed = float(noise.covariance(_WHEELS)[1, 1])
+    rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
+    of_speed = max(float(noise.covariance(_WHEELS)[1, 1]), rounding_m_s**2)
     of_acc = float(noise.covariance(_LONG)[0, 0]) * _LONG * step_s**2 * _WHEELS
     found: list[Floats] = []
     of_gained = 0.0

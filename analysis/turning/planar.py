@@ -89,6 +89,7 @@ def planar(
     log = _Log(plane_of(excitation, machine.settings, noise), excitation, machine)
     joint = _joint(log, verdict)
     start = joint[1].estimate.coefficients[: len(PARAMETERS)] if joint else np.zeros(6)
+    start = start if np.isfinite(start).all() else np.zeros(6)
     rows = list(_arcs(log, gated, verdict, start))
     rows += [joint[0]] if joint else []
     declared = FRAMES["planar"].columns

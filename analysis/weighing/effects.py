@@ -122,6 +122,14 @@ class LikelyEffects:
         return float(np.sqrt(self.probability @ (moved**2 + np.maximum(wider, 0.0))))
 
 
+def _inverse(precision: Floats) -> Floats:
+    """The covariance; of what rounding leaves singular, of what it determines."""
+    try:
+        return np.linalg.inv(precision)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(precision, hermitian=True)
+
+
 def _choice(
     kept: np.ndarray, before: float, information: Floats, scores: Floats, variance: Floats
 ) -> tuple[float, np.ndarray, Floats, Floats]:
@@ -139,7 +147,9 @@ def _choice(
     if not own.size:
         return before, kept, mean, covariance
     inside = np.ix_(own, own)
-    inner = np.linalg.inv(information[inside] + np.diag(1.0 / variance[own]))
+    inner = _inverse(information[inside] + np.diag(1.0 / variance[own]))
     mean[own], covariance[inside] = inner @ scores[own], inner
     sized = np.linalg.slogdet(np.eye(own.size) + variance[own][:, None] * information[inside])[1]
+    # at least 0, but for rounding, of which only what is singular shows anything
+    sized = max(sized, 0.0)
     return float(before - sized / 2.0 + scores[own] @ mean[own] / 2.0), kept, mean, covariance

@@ -268,8 +268,8 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
     """
     number, hints = np.unique(stretch_units(found.motion)), places(found.motion)
     if not np.isfinite(found.theta).all():
-        return replace(found, states=untold_states(number))
-    tried: list[JointFit] = []
+        return _without_answer(found)
+    first, tried = found, list[JointFit]()
     for _ in range(_STATE_ROUNDS):
         task = FitTask(
             found.motion, of.noise, of.priors, found.terms, found.kinematics, found.states
@@ -286,10 +286,20 @@ def with_states(found: JointFit, of: Fitted, repeatability_kg: float | None) -> 
             return again(found, of.noise, of.priors, rounds=2, rows=rows)
         of = _with_uneven_ground(found, of, rows.group)
         found = joint_fit(of, states)
+        if not np.isfinite(found.theta).all():
+            return _without_answer(first)
         if any(np.array_equal(states.of, each.of) for each in map(_states, tried)):
             break
         tried.append(found)
     return min(tried, key=lambda each: _states(each).misfit)
+
+
+def _without_answer(found: JointFit) -> JointFit:
+    """The same fit, none of whose masses is known."""
+    states = found.states
+    if found.count == 1 or states is None:
+        states = untold_states(np.unique(stretch_units(found.motion)))
+    return replace(found, theta=np.full(found.theta.size, np.nan), states=states)
 
 
 def _states(found: JointFit) -> States:

@@ -220,7 +220,9 @@ def _compared(
             loss = autocovariance_loss(rows[2], lines)
         wide = solved(rows, widths(_WIDE_GAIN, about), delay_s, lines, loss)
     free = wide.fit
-    noise_m_s = float(np.sqrt(noise.covariance(MEAN)[1, 1]))
+    # a speed without noise is known to its last digit
+    rounding_m_s = np.finfo(np.float64).eps * motion.largest_speed
+    noise_m_s = max(float(np.sqrt(noise.covariance(MEAN)[1, 1])), rounding_m_s)
     mismatch = free.residual_rms / noise_m_s
     # where the two do not go together, deviations say nothing
     times = _GAIN_COUNTS if mismatch <= _MISMATCH else 0.0

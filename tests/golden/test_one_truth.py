@@ -34,7 +34,7 @@ def test_a_golden_log_is_weighed_or_not_by_text_json_exit_status_and_recording_a
     status, said = payscope.json(*words, "-o", recording)
     _, text = payscope(*words)
     assert not payscope.faults, "\n".join(payscope.faults)
-    assert list(disagreements(status, said, text, recording)) == []
+    assert list(disagreements(status, said, recording, text)) == []
     if case != "as it is":
         return
     assert status == (0 if said["loads"][0]["mass_kg"] is not None else 1)
