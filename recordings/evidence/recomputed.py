@@ -1,5 +1,6 @@
 """Everything in a bundle that follows from the rest of it, computed anew and compared."""
 
+import datetime as dt
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import version
@@ -16,6 +17,7 @@ from analysis.calibration.learnt import learnt_terms
 from analysis.calibration.mass_check import check_known_mass
 from estimators.errors import CampaignError
 from recordings.evidence.as_found import rms_error_kg
+from recordings.evidence.days import CLOCK_S, day_faults, made_at
 from recordings.evidence.derived import estimator_of, later_settings, reference_loads
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.findings import BundleFinding, BundleOutcome
@@ -133,6 +135,11 @@ def _of_files(document: EvidenceDocument) -> Findings:
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
+    made, now = made_at(document), dt.datetime.now(dt.UTC)
+    for fault in day_faults(campaign, document.logs, machine.machine.zone, made):
+        yield _irreproducible("campaign.runs", fault)
+    if made > now + dt.timedelta(seconds=CLOCK_S):
+        yield _irreproducible("made", f"is in the future: {document.made}, and now is {now:%F %R}")
     yield from _of_learnt(document)
     if document.estimator != estimator_of(campaign, document.weighing, machine):
         yield _irreproducible("estimator", "is not that of the settings")
