@@ -317,7 +317,7 @@ def _document(
     weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
     estimator = estimator_of(campaign, weighing)
     last = None if before is None else before.document
-    return EvidenceDocument(
+    document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
         id=new_id(),
@@ -344,6 +344,7 @@ def _document(
         signer=None if key is None else _signer(campaign, key),
         software=software(),
     )
+    return document.completed
 
 
 def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:

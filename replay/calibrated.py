@@ -190,7 +190,7 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
     document = found.document
     wrong = [each for each in found.findings if each.outcome is not BundleOutcome.OTHER_VERSION]
     if wrong or document is None:
-        first = str(wrong[0]) if wrong else "no evidence"
+        first = str(next(iter(wrong or found.findings), "no evidence"))
         more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
         raise EvidenceError(
             f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"

@@ -11,7 +11,7 @@ from analysis.calibration.readings import READINGS as READING_COLUMNS
 from estimators.errors import EvidenceError
 from recordings.evidence.chain_check import check_chain
 from recordings.evidence.checked import CheckedBundle, bytes_of, without
-from recordings.evidence.document import EvidenceDocument, document_of
+from recordings.evidence.document import EvidenceDocument, UnknownFormatError, document_of
 from recordings.evidence.findings import BundleOutcome
 from recordings.evidence.folder import (
     EVIDENCE,
@@ -94,7 +94,9 @@ def _checked(
     try:
         document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
-        checked.add(BundleOutcome.TAMPERED, EVIDENCE, without(EVIDENCE, fault))
+        strange = isinstance(fault, UnknownFormatError)
+        outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
+        checked.add(outcome, EVIDENCE, without(EVIDENCE, fault))
         check_signature(checked, held, digests, None, key, keyring)
         return checked
     checked.document = document

@@ -3,7 +3,6 @@
 import datetime as dt
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from importlib.metadata import version
 from typing import Any, Final
 
 import polars as pl
@@ -51,7 +50,7 @@ def recompute(
     Returns:
         What differs, and notes for the reader.
     """
-    later = later_settings(document.machine)
+    later = (*later_settings(document.machine), *later_settings(document.campaign, "campaign."))
     notes = [_LATER.format(", ".join(later))] if later else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
@@ -88,10 +87,12 @@ def _of_page(
         return
     if report_html(document, readings, points).encode() == report:
         return
-    made, mine = document.software.payscope, version("payscope")
-    if made != mine:
-        what = f"was made with payscope {made}, and that of payscope {mine} is another page"
-        yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, REPORT, what)
+    if document.made_elsewhere:
+        what = (
+            f"made by {document.made_elsewhere}: the page cannot be recomputed here; compared by "
+            "its digest alone"
+        )
+        yield BundleFinding(BundleOutcome.OTHER_VERSION, REPORT, what)
     else:
         yield BundleFinding(
             BundleOutcome.TAMPERED, REPORT, "is not the page that the evidence gives"
