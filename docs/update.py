@@ -204,7 +204,7 @@ def _output(command: str, folder: Path) -> str:
             "TERM": "dumb",
             "NO_COLOR": "1",
             # that of whoever runs this vouches for nothing on these pages
-            "PAYSCOPE_KEYRING": str(folder / "keys.toml"),
+            "PAYSCOPE_KEYRING": "keys.toml",
         },
     )
     if left.returncode not in (0, 1, 2):
