@@ -203,6 +203,8 @@ def _output(command: str, folder: Path) -> str:
             "COLUMNS": "96",
             "TERM": "dumb",
             "NO_COLOR": "1",
+            # that of whoever runs this vouches for nothing on these pages
+            "PAYSCOPE_KEYRING": "keys.toml",
         },
     )
     if left.returncode not in (0, 1, 2):

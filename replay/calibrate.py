@@ -1,5 +1,6 @@
 """The command `calibrate`: a campaign file in, a bundle of evidence out."""
 
+import datetime as dt
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from recordings.evidence.bundle import tables_of, write_bundle
 from recordings.evidence.canonical import canonical
 from recordings.evidence.checked import CheckedBundle
 from recordings.evidence.checks import check_bundle
+from recordings.evidence.days import day_faults
 from recordings.evidence.derived import estimator_of, reference_loads
 from recordings.evidence.document import (
     FORMAT,
@@ -36,10 +38,12 @@ from recordings.evidence.document import (
     Link,
     Signer,
 )
-from recordings.evidence.findings import BundleOutcome
+from recordings.evidence.folder import STATEMENT
+from recordings.evidence.keyring import load_keyring
 from recordings.evidence.recording import write_calibration
 from recordings.evidence.signing import SigningKey, signing_key
-from recordings.output import check_folder, staged
+from recordings.evidence.timestamp import refuse_without_library, timestamp_request
+from recordings.output import check_folder, check_output, staged, whole_file
 from replay.campaign_file import load_campaign
 from replay.campaign_runs import Replayed, new_id, now, replay_runs, software
 
@@ -128,6 +132,7 @@ def calibrate(
     previous: Path | None = None,
     recordings: bool = False,
     force: bool = False,
+    timestamp_request_file: Path | None = None,
     on_log: Callable[[str], None] = lambda _: None,
 ) -> Calibrated:
     """Replay a campaign's runs, fit the line, and write the evidence.
@@ -139,6 +144,7 @@ def calibrate(
         previous: the machine's evidence before this.
         recordings: whether each replay's recording is part of the bundle.
         force: whether evidence in `folder` may be replaced.
+        timestamp_request_file: where to write the query for a time-stamp authority, if at all.
         on_log: told each log's name as its replay begins.
 
     Raises:
@@ -148,8 +154,10 @@ def calibrate(
     # as evidence keeps it, its keys in another order: a replay of that gives the same frames
     machine = Machine.model_validate_json(canonical(machine.model_dump(mode="json")))
     key = signing_key(key_file)
-    before = None if previous is None else before_of(previous, campaign.machine.id)
+    before = None if previous is None else before_of(previous, campaign.machine.id, key)
     check_folder(folder, force=force)
+    if timestamp_request_file is not None:
+        check_timestamp_request(timestamp_request_file, key, force=force)
     with staged([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
@@ -160,9 +168,12 @@ def calibrate(
         learnt = None
         if campaign.learns and len(campaign.logs) >= LOGS_MIN:
             # under the machine's own priors: what they say of the nuisances together
-            learnt = replay_runs(campaign, machine, path_of, None, on_log).learnt
+            first = replay_runs(campaign, machine, path_of, None, on_log)
+            refuse_days(campaign_file, campaign, first, machine)
+            learnt = first.learnt
         weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
         replayed = replay_runs(campaign, weighing, path_of, made if recordings else None, on_log)
+        refuse_days(campaign_file, campaign, replayed, machine)
         if learnt is not None:
             learnt = learnt.model_copy(update={"responses": replayed.responses})
         on_log("evidence")
@@ -173,21 +184,66 @@ def calibrate(
         evidence = EvidenceParts(
             "calibration", campaign, machine, learnt, replayed, options, fitted
         )
-        return finish(evidence, made, folder, key, before, previous)
+        calibrated = finish(evidence, made, folder, key, before, previous)
+    if timestamp_request_file is not None:
+        write_timestamp_request(folder, timestamp_request_file, force=force)
+    return calibrated
 
 
-def before_of(previous: Path, machine_id: str | None) -> CheckedBundle:
+def check_timestamp_request(file: Path, key: SigningKey | None, *, force: bool) -> None:
+    """Refuse a query to a time-stamp authority before the work that it is for.
+
+    Raises:
+        EvidenceError: there is no signature to stamp, or rfc3161-client is not installed.
+        OutputError: the file cannot be written.
+    """
+    if key is None:
+        raise EvidenceError("--timestamp-request: a time stamp is of a signature; give --key")
+    refuse_without_library()
+    check_output(file, force=force)
+
+
+def write_timestamp_request(folder: Path, file: Path, *, force: bool) -> None:
+    """Write the query for the signature of a bundle."""
+    query = timestamp_request((folder / STATEMENT).read_bytes())
+    with whole_file(file, force=force) as partial:
+        partial.write_bytes(query)
+
+
+def refuse_days(
+    source: Path, campaign: CalibrationCampaign, replayed: Replayed, machine: Machine
+) -> None:
+    """Refuse days of runs that their logs contradict.
+
+    Args:
+        source: what gives the days, for the error.
+        campaign: its runs.
+        replayed: their logs.
+        machine: of them; its zone is that of the days.
+
+    Raises:
+        CampaignError: a run is of another day than its log.
+    """
+    faults = day_faults(campaign, replayed.logs, machine.machine.zone, dt.datetime.now(dt.UTC))
+    fault = next(faults, None)
+    if fault is not None:
+        raise CampaignError(f"{source}: {fault}; correct its day, or machine.timezone")
+
+
+def before_of(previous: Path, machine_id: str | None, key: SigningKey | None) -> CheckedBundle:
     """The machine's evidence before this, checked.
 
     Args:
         previous: its folder.
         machine_id: of the machine that it has to be of, if that is known.
+        key: that signs what follows; None where that is unsigned.
 
     Raises:
-        EvidenceError: it is of another machine, or something is wrong with it.
+        EvidenceError: it is of another machine, something is wrong with it, or it is signed by a
+            key that is neither this one nor in the user's keyring.
     """
-    checked = check_bundle(previous)
-    wrong = [each for each in checked.findings if each.outcome is not BundleOutcome.OUTSIDE]
+    checked = check_bundle(previous, None, None, load_keyring())
+    wrong = checked.faults
     if wrong or checked.document is None:
         first = str(wrong[0]) if wrong else "no evidence"
         raise EvidenceError(f"{previous}: nothing can be chained to it: {first}")
@@ -196,6 +252,13 @@ def before_of(previous: Path, machine_id: str | None) -> CheckedBundle:
         raise EvidenceError(
             f"{previous}: is evidence of machine '{machine}', this campaign of '{machine_id}'; "
             "name that of the same machine"
+        )
+    by = checked.signed_by
+    own = key is not None and by.key_id == key.public.key_id
+    if by.how == "unknown" and not own:
+        raise EvidenceError(
+            f"{previous}: is {by}: nothing is chained to what cannot be verified; keep the key, if "
+            f"the signer gave it to you by another way: {by.add_line}"
         )
     return checked
 
@@ -233,7 +296,7 @@ def finish(
     write_calibration(made, document, readings, points)
     remarks = write_bundle(made, document, readings, points, tables, key)
     checked = check_bundle(made, None if key is None else key.public, previous)
-    wrong = [str(each) for each in checked.findings if each.outcome is not BundleOutcome.OUTSIDE]
+    wrong = [str(each) for each in checked.faults]
     if wrong:
         raise OutputError(
             f"{folder}: what was written does not pass its own check, so nothing was kept: "
@@ -254,7 +317,7 @@ def _document(
     weighing = machine if learnt is None else with_learnt(machine, learnt.terms)
     estimator = estimator_of(campaign, weighing)
     last = None if before is None else before.document
-    return EvidenceDocument(
+    document = EvidenceDocument(
         format=FORMAT,
         kind=evidence.kind,
         id=new_id(),
@@ -281,6 +344,7 @@ def _document(
         signer=None if key is None else _signer(campaign, key),
         software=software(),
     )
+    return document.completed
 
 
 def _signer(campaign: CalibrationCampaign, key: SigningKey) -> Signer:

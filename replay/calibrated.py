@@ -1,7 +1,7 @@
 """A calibration's evidence put to use: whose masses it calibrates, and which it refuses."""
 
 import datetime as dt
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +20,9 @@ from recordings.evidence.canonical import canonical
 from recordings.evidence.checks import check_bundle
 from recordings.evidence.derived import definition
 from recordings.evidence.document import EvidenceDocument
+from recordings.evidence.findings import BundleOutcome
+from recordings.evidence.keyring import Keyring, KnownKey, add_key, load_keyring
+from recordings.evidence.signed_by import SignedBy
 from recordings.evidence.signing import public_key
 from replay.campaign_file import weighed_in
 from replay.readers import Log
@@ -35,12 +38,14 @@ class AskedCalibration:
     Attributes:
         folder: the evidence.
         key_file: the public key of whose signature is asked for.
-        signed: whether a signature is asked for at all.
+        signed: whether a signature by a key that the user gives or keeps is asked for.
+        ask: on a terminal, asks whether an unknown key is to be trusted and kept; None elsewhere.
     """
 
     folder: Path
     key_file: Path | None = None
     signed: bool = False
+    ask: Callable[[SignedBy], str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,24 +56,22 @@ class MachineCalibration:
         folder: where it is.
         document: its contents.
         calibration: the line.
+        signed_by: whose signature it has.
     """
 
     folder: Path
     document: EvidenceDocument
     calibration: Calibration
+    signed_by: SignedBy
 
     @property
     def says(self) -> str:
         """What it is, in a sentence."""
         document = self.document
-        if document.signer is None:
-            signed = "UNSIGNED"
-        else:
-            signed = f"signed by {document.signer.name or 'no name'}"
         return (
             f"calibrated: {document.estimator.name} by evidence {document.id} of machine "
-            f"{document.campaign.machine.id}, {signed}, valid to {document.expires}; intervals of "
-            f"{self.calibration.confidence_1:.0%}"
+            f"{document.campaign.machine.id}, {self.signed_by}, valid to {document.expires}; "
+            f"intervals of {self.calibration.confidence_1:.0%}"
         )
 
     def weighing(self, machine: Machine) -> Machine:
@@ -177,23 +180,22 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
     """Read evidence, and check it as a stranger would.
 
     Raises:
-        EvidenceError: no evidence, something wrong with it, unsigned where a signature is asked
-            for, no calibration, or one of a mass that `loads` does not have.
+        EvidenceError: no evidence, something wrong with it, unsigned or by an unknown key where a
+            signature is asked for, no calibration, or one of a mass that `loads` does not have.
     """
     folder = asked.folder
     key = None if asked.key_file is None else public_key(asked.key_file)
-    found = check_bundle(folder, key)
+    keyring = load_keyring()
+    found = check_bundle(folder, key, None, keyring)
     document = found.document
-    if found.findings or document is None:
-        first = str(found.findings[0]) if found.findings else "no evidence"
-        more = f" (and {len(found.findings) - 1} more)" if len(found.findings) > 1 else ""
+    wrong = [each for each in found.findings if each.outcome is not BundleOutcome.OTHER_VERSION]
+    if wrong or document is None:
+        first = str(next(iter(wrong or found.findings), "no evidence"))
+        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
         raise EvidenceError(
             f"{folder}: calibrates nothing: {first}{more}; `payscope verify` lists all"
         )
-    if asked.signed and document.signer is None:
-        raise EvidenceError(
-            f"{folder}: is unsigned; calibrate with --key, or leave out --require-signed"
-        )
+    by = _required(asked, found.signed_by, keyring) if asked.signed else found.signed_by
     if document.kind != "calibration":
         raise EvidenceError(
             f"{folder}: is a check against one known mass; name the calibration that it checked"
@@ -205,7 +207,29 @@ def load_calibration(asked: AskedCalibration) -> MachineCalibration:
             f"{folder}: calibrates '{document.estimator.name}', which is no mass of a load; "
             f"calibrate {' or '.join(ESTIMATORS)}"
         )
-    return MachineCalibration(folder, document, document.calibration)
+    return MachineCalibration(folder, document, document.calibration, by)
+
+
+def _required(asked: AskedCalibration, by: SignedBy, keyring: Keyring) -> SignedBy:
+    """A signature by a key that the user knows; one that is trusted at first use is kept.
+
+    Raises:
+        EvidenceError: unsigned, or by an unknown key that is not accepted.
+    """
+    if by.trusted:
+        return by
+    if by.how == "unsigned":
+        raise EvidenceError(
+            f"{asked.folder}: is unsigned; calibrate with --key, or leave out --require-signed"
+        )
+    owner = "" if asked.ask is None else asked.ask(by).strip()
+    if not owner:
+        raise EvidenceError(
+            f"{asked.folder}: is {by}; get the key from the signer, and give it with --key KEY or "
+            f"keep it: {by.add_line}"
+        )
+    add_key(keyring, KnownKey(key=by.public_key, owner=owner))
+    return replace(by, how="known", owner=owner)
 
 
 def calibrated_frame(

@@ -18,7 +18,7 @@ from estimators.errors import CampaignError, EvidenceError
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.signing import signing_key
 from recordings.output import check_folder, staged
-from replay.calibrate import Calibrated, EvidenceParts, before_of, finish
+from replay.calibrate import Calibrated, EvidenceParts, before_of, finish, refuse_days
 from replay.campaign_runs import replay_runs
 from replay.machine_file import time_axis
 from replay.readers import open_log
@@ -69,17 +69,18 @@ def check_mass(
     Raises:
         PayscopeError: whatever is wrong with the input, before anything is written.
     """
-    before = before_of(previous, None)
+    key = signing_key(key_file)
+    before = before_of(previous, None, key)
     last = before.document
     if last is None or last.calibration is None:
         raise EvidenceError(f"{previous}: has no calibration line to check; calibrate first")
-    key = signing_key(key_file)
     campaign = _campaign(last, log, known)
     check_folder(folder, force=force)
     with staged([folder], force=force) as stage:
         made = stage / folder.name
         made.mkdir()
         replayed = replay_runs(campaign, last.weighing, lambda _: log, None, on_log)
+        refuse_days(Path(f"--day {known.day}"), campaign, replayed, last.machine)
         on_log("evidence")
         fitted, drift = check_known_mass(
             campaign, last.machine.machine, replayed.readings, last.calibration

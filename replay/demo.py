@@ -122,7 +122,7 @@ def demo(folder: Path, *, seed: int, force: bool, on_stage: Callable[[str], None
     on_stage("calibrate")
     calibrated = calibrate(campaign_file, evidence, key_file=keys[0], force=force)
     on_stage("verify")
-    verified = verify(evidence, key_file=keys[1])
+    verified = verify(evidence, key_file=keys[1], on=calibrated.document.expires)
     replayed = replay_campaign(logs, load_machine(machine_file), on_stage)
     replayed = _with_evidence(replayed, calibrated, scenario.machine.mass_kg)
     on_stage("record")

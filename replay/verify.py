@@ -4,7 +4,7 @@ import datetime as dt
 import os
 import stat
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,8 +17,11 @@ from recordings.evidence.checked import CheckedBundle
 from recordings.evidence.checks import check_bundle
 from recordings.evidence.document import EvidenceDocument, EvidenceLog
 from recordings.evidence.findings import BundleFinding, BundleOutcome, worst
-from recordings.evidence.folder import EVIDENCE, READINGS
+from recordings.evidence.folder import EVIDENCE, READINGS, STATEMENT
+from recordings.evidence.keyring import load_keyring
+from recordings.evidence.signed_by import SignedBy
 from recordings.evidence.signing import public_key
+from recordings.evidence.timestamp import authority_certificates
 from recordings.evidence.words import unseen
 
 _MOST_ENTRIES: Final = 100_000
@@ -41,6 +44,7 @@ class Verified:
         notes: what a reader should know besides.
         done: what was checked, in words.
         unseen: what no check can find.
+        signed_by: whose signature it has.
     """
 
     folder: Path
@@ -48,6 +52,7 @@ class Verified:
     notes: tuple[str, ...]
     done: tuple[str, ...]
     unseen: tuple[str, ...]
+    signed_by: SignedBy
 
     @property
     def outcome(self) -> BundleOutcome | None:
@@ -59,7 +64,7 @@ class Verified:
         """The outcome in a sentence."""
         outcome = self.outcome
         if outcome is None:
-            return f"{self.folder}: all that was checked holds"
+            return f"{self.folder}: all that was checked holds; {self.signed_by}"
         kind = next(each.kind for each in self.findings if each.outcome is outcome)
         return f"{self.folder}: {kind.upper()} ({counted(len(self.findings), 'finding')})"
 
@@ -68,6 +73,7 @@ class Verified:
         return {
             "folder": str(self.folder),
             "outcome": 0 if self.outcome is None else int(self.outcome),
+            "signed_by": asdict(self.signed_by) | {"trusted": self.signed_by.trusted},
             "findings": [
                 {"kind": each.kind, "item": each.item, "what": each.what} for each in self.findings
             ],
@@ -83,6 +89,9 @@ def verify(
     logs: Path | None = None,
     key_file: Path | None = None,
     previous: Path | None = None,
+    signed: bool = False,
+    on: dt.date | None = None,
+    tsa: Path | None = None,
 ) -> Verified:
     """Check a bundle.
 
@@ -91,16 +100,24 @@ def verify(
         logs: where its logs are; all are replayed and compared. They are found by their digests.
         key_file: the public key of whose signature is asked for.
         previous: the machine's evidence before it.
+        signed: whether a signature by `key_file` or by a key of the user's keyring is asked for.
+        on: the day on which it is to be valid; None for today, where the machine is.
+
+        tsa: root certificates of the time-stamp authorities that are trusted, in PEM.
 
     Raises:
-        EvidenceError: no such folder, or a key that cannot be read.
+        EvidenceError: no such folder, or a key or certificate that cannot be read.
     """
     key = None if key_file is None else public_key(key_file)
+    authorities = () if tsa is None else authority_certificates(tsa)
     if logs is not None and not logs.is_dir():
         raise EvidenceError(f"{logs}: no such folder; name the folder with the logs")
-    checked = check_bundle(folder, key, previous)
+    checked = check_bundle(folder, key, previous, load_keyring(), authorities)
+    if signed and not checked.signed_by.trusted and not checked.faults:
+        what = f"{checked.signed_by}, and a signature by a known key is asked for"
+        checked.add(BundleOutcome.INCOMPLETE, STATEMENT, what)
     document = checked.document
-    done = _done(checked, key is not None, previous is not None)
+    done = _done(checked, previous is not None)
     if logs is not None and document is not None and checked.readings is not None:
         _replay(checked, document, checked.readings, logs)
         done.append(f"{counted(len(document.logs), 'log')} replayed and every reading compared")
@@ -108,23 +125,33 @@ def verify(
         checked.notes.append(
             "the logs were not replayed: that the readings are theirs, only --logs shows"
         )
-    if document is not None and document.expires < dt.datetime.now(dt.UTC).date():
-        checked.notes.append(f"expired on {document.expires}: it calibrates no log of a later day")
+    if document is not None:
+        _check_expiry(checked, document, on)
     return Verified(
         folder,
         tuple(checked.findings),
         tuple(checked.notes),
         tuple(done),
         () if document is None else tuple(unseen(document)),
+        checked.signed_by,
     )
 
 
-def _done(checked: CheckedBundle, keyed: bool, chained: bool) -> list[str]:
+def _check_expiry(checked: CheckedBundle, document: EvidenceDocument, on: dt.date | None) -> None:
+    """Whether it is still valid on the day, today where the machine is by default."""
+    zone = document.machine.machine.zone
+    day = on or dt.datetime.now(zone).date()
+    if document.expires < day:
+        what = f"on {document.expires}: it calibrates no log of a later day, such as {day}"
+        checked.add(BundleOutcome.EXPIRED, f"{EVIDENCE}: expires", what)
+
+
+def _done(checked: CheckedBundle, chained: bool) -> list[str]:
     """What a check of the folder itself looked at."""
     done = ["names and digests of every file; nothing in the folder was run"]
     if checked.document is not None:
         done.append("the schema of evidence.json")
-        done += ["the signature, by the key given"] if keyed else []
+        done += [f"the signature: {checked.signed_by}"] if checked.signed_by.trusted else []
         done += ["the chain, to the evidence before"] if chained else []
     if checked.readings is not None:
         done.append("fit, budget, limits, points, report and each reason, computed anew")

@@ -21,6 +21,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[BEGAN] = time.monotonic()
+    # the keyring of whoever runs the tests vouches for nothing in them
+    os.environ["PAYSCOPE_KEYRING"] = str(REPO / "no-such-folder" / "keys.toml")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

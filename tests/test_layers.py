@@ -62,6 +62,7 @@ OWNERS = {
     "jinja2": "recordings",
     "weasyprint": "recordings",
     "cryptography": "recordings",
+    "rfc3161_client": "recordings",
     "rfc8785": "recordings",
     "rosbags": "replay",
     "mcap": "replay",

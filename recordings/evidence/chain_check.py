@@ -26,9 +26,8 @@ def check_chain(
             )
         return
     last = before.document
-    for each in before.findings:
-        if each.outcome is not BundleOutcome.OUTSIDE:
-            checked.add(each.outcome, f"the evidence before: {each.item}", each.what)
+    for each in before.faults:
+        checked.add(each.outcome, f"the evidence before: {each.item}", each.what)
     if last is None:
         checked.add(BundleOutcome.INCOMPLETE, "the evidence before", "cannot be read")
         return

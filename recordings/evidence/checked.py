@@ -1,5 +1,6 @@
 """What a check of a bundle has found so far."""
 
+import datetime as dt
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -7,8 +8,9 @@ import polars as pl
 
 from estimators.errors import EvidenceError
 from recordings.evidence.document import EvidenceDocument
-from recordings.evidence.findings import BundleFinding, BundleOutcome
+from recordings.evidence.findings import FAULTS, BundleFinding, BundleOutcome
 from recordings.evidence.folder import BundleFile
+from recordings.evidence.signed_by import SignedBy
 
 
 @dataclass(slots=True)
@@ -21,6 +23,8 @@ class CheckedBundle:
         document: the evidence; None where it cannot be read.
         readings: frame `readings`, likewise.
         sums: the bytes of SHA256SUMS.
+        signed_by: whose signature it is, as far as the reader can know.
+        proven_day: the day by which a time stamp proves that the signature was there, if any.
     """
 
     findings: list[BundleFinding] = field(default_factory=list)
@@ -28,6 +32,14 @@ class CheckedBundle:
     document: EvidenceDocument | None = None
     readings: pl.DataFrame | None = None
     sums: bytes = b""
+    signed_by: SignedBy = field(default_factory=lambda: SignedBy("unsigned"))
+
+    proven_day: dt.date | None = None
+
+    @property
+    def faults(self) -> list[BundleFinding]:
+        """What makes the evidence worth nothing, or less: not what it says of a good machine."""
+        return [each for each in self.findings if each.outcome in FAULTS]
 
     def add(self, outcome: BundleOutcome, item: str, what: str) -> None:
         """Add a finding."""

@@ -1,8 +1,8 @@
 """Check the folder of a bundle, as whoever trusts neither its maker nor us would."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import polars as pl
 
@@ -11,7 +11,7 @@ from analysis.calibration.readings import READINGS as READING_COLUMNS
 from estimators.errors import EvidenceError
 from recordings.evidence.chain_check import check_chain
 from recordings.evidence.checked import CheckedBundle, bytes_of, without
-from recordings.evidence.document import EvidenceDocument, document_of
+from recordings.evidence.document import EvidenceDocument, UnknownFormatError, document_of
 from recordings.evidence.findings import BundleOutcome
 from recordings.evidence.folder import (
     EVIDENCE,
@@ -27,17 +27,26 @@ from recordings.evidence.folder import (
     parse_sums,
     read_file,
 )
+from recordings.evidence.keyring import Keyring
 from recordings.evidence.recomputed import recompute
 from recordings.evidence.signature_check import check_signature
 from recordings.evidence.signing import PublicKey
 from recordings.evidence.tables import StrangeTable, read_tables
+from recordings.evidence.timestamp import check_timestamp
+
+if TYPE_CHECKING:
+    from cryptography.x509 import Certificate
 
 #: Of entries that are no bundle's.
 _MOST_NAMED: Final = 20
 
 
 def check_bundle(
-    folder: Path, key: PublicKey | None = None, previous: Path | None = None
+    folder: Path,
+    key: PublicKey | None = None,
+    previous: Path | None = None,
+    keyring: Keyring | None = None,
+    authorities: "Sequence[Certificate]" = (),
 ) -> CheckedBundle:
     """Check everything that a bundle says by itself.
 
@@ -45,11 +54,13 @@ def check_bundle(
         folder: the bundle; nothing in it is run, no link followed, nothing outside read.
         key: whose signature is asked for.
         previous: the machine's evidence before it, trusted to be genuine, if it is whole.
+        keyring: the keys that the user keeps; None for none.
+        authorities: root certificates of time-stamp authorities that the user trusts.
 
     Raises:
         EvidenceError: there is no such folder, or it is no bundle at all.
     """
-    checked = _checked(folder, key)
+    checked = _checked(folder, key, keyring or Keyring(Path()), authorities)
     document = checked.document
     if document is not None:
         check_chain(checked, document, None if previous is None else _trusted(previous))
@@ -68,7 +79,12 @@ def _trusted(folder: Path) -> CheckedBundle:
     return checked
 
 
-def _checked(folder: Path, key: PublicKey | None) -> CheckedBundle:
+def _checked(
+    folder: Path,
+    key: PublicKey | None,
+    keyring: Keyring,
+    authorities: "Sequence[Certificate]",
+) -> CheckedBundle:
     """Check a bundle, without the one before it."""
     checked = CheckedBundle()
     held = check_files(folder, checked)
@@ -78,11 +94,14 @@ def _checked(folder: Path, key: PublicKey | None) -> CheckedBundle:
     try:
         document = document_of(bytes_of(held, EVIDENCE), EVIDENCE)
     except EvidenceError as fault:
-        checked.add(BundleOutcome.TAMPERED, EVIDENCE, without(EVIDENCE, fault))
-        check_signature(checked, held, digests, None, key)
+        strange = isinstance(fault, UnknownFormatError)
+        outcome = BundleOutcome.OTHER_VERSION if strange else BundleOutcome.TAMPERED
+        checked.add(outcome, EVIDENCE, without(EVIDENCE, fault))
+        check_signature(checked, held, digests, None, key, keyring)
         return checked
     checked.document = document
-    check_signature(checked, held, digests, document, key)
+    check_timestamp(checked, held, document, authorities)
+    check_signature(checked, held, digests, document, key, keyring)
     _check_recordings(checked, document, digests)
     readings, points = _tables(checked, held, document)
     checked.readings = readings

@@ -4,6 +4,8 @@ import hashlib
 from collections.abc import Container, Iterator, Mapping
 from typing import Any
 
+from pydantic import BaseModel
+
 from analysis.calibration.campaign import CalibrationCampaign
 from analysis.calibration.reference_masses import references
 from analysis.machine import Machine
@@ -38,10 +40,15 @@ def definition(machine: Machine) -> dict[str, Any]:
     return values
 
 
-def later_settings(kept: Machine) -> tuple[str, ...]:
-    """Names of what came after evidence was made, and is taken at its default: dotted, in order."""
+def later_settings(kept: BaseModel, at: str = "") -> tuple[str, ...]:
+    """Names of what came after evidence was made, and is taken at its default: dotted, in order.
+
+    Args:
+        kept: a part of the evidence.
+        at: what its names begin with.
+    """
     there = kept.model_dump(mode="json", exclude_unset=True)
-    return tuple(_lacking(kept.model_dump(mode="json"), there))
+    return tuple(_lacking(kept.model_dump(mode="json"), there, at))
 
 
 def _lacking(whole: Mapping[str, Any], there: Mapping[str, Any], at: str = "") -> Iterator[str]:

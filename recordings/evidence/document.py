@@ -7,6 +7,7 @@ The published schema, `evidence.schema.json`, is made of these models:
 import datetime as dt
 import json
 import sys
+from importlib.metadata import version
 from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
@@ -23,7 +24,8 @@ from recordings.evidence.canonical import canonical, parse
 _FORBID: Final = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 #: Format 1 does not say what the errors of learnt means did to its runs and its line.
 _FIRST: Final = "payscope-calibration-evidence/1"
-FORMAT: Final = "payscope-calibration-evidence/2"
+#: Formats 2 and 3 hold the same; their pages differ.
+FORMAT: Final = "payscope-calibration-evidence/3"
 _NOT_IN_FIRST: Final = {"learnt": {"responses"}, "calibration": {"responses"}}
 #: What the schema is published as.
 SCHEMA: Final = "evidence.schema.json"
@@ -37,6 +39,14 @@ Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
 Stamp = Annotated[str, StringConstraints(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ$")]
 Counted = Annotated[int, Field(ge=0, lt=2**53)]
 Sentence = Annotated[str, StringConstraints(max_length=4000)]
+
+
+#: Characters of a stranger's text that are repeated.
+_LONGEST: Final = 60
+
+
+class UnknownFormatError(EvidenceError):
+    """Evidence of another version, which this one cannot read."""
 
 
 class EvidenceFile(BaseModel):
@@ -163,7 +173,11 @@ class EvidenceDocument(BaseModel):
 
     model_config = _FORBID
 
-    format: Literal["payscope-calibration-evidence/1", "payscope-calibration-evidence/2"]
+    format: Literal[
+        "payscope-calibration-evidence/1",
+        "payscope-calibration-evidence/2",
+        "payscope-calibration-evidence/3",
+    ]
     kind: Literal["calibration", "check"]
     id: Id
     made: Stamp
@@ -192,9 +206,20 @@ class EvidenceDocument(BaseModel):
     def data(self) -> bytes:
         """The bytes of `evidence.json`: a setting that came later stays out of earlier evidence."""
         left_out = _NOT_IN_FIRST if self.format == _FIRST else None
-        values = self.model_dump(mode="json", exclude=left_out)
-        values["machine"] = self.machine.model_dump(mode="json", exclude_unset=True)
-        return canonical(values)
+        return canonical(self.model_dump(mode="json", exclude=left_out, exclude_unset=True))
+
+    @property
+    def completed(self) -> "EvidenceDocument":
+        """The same with every setting of this version written down, also those left at default."""
+        return EvidenceDocument.model_validate_json(canonical(self.model_dump(mode="json")))
+
+    @property
+    def made_elsewhere(self) -> str:
+        """Which other version made it, or ""; its page and words are not this version's."""
+        made = self.software.payscope
+        if made == version("payscope") and self.format == FORMAT:
+            return ""
+        return f"payscope {made} (format {self.format.rpartition('/')[2]})"
 
     @property
     def weighing(self) -> Machine:
@@ -210,18 +235,37 @@ def document_of(data: bytes, what: str) -> EvidenceDocument:
     """Read `evidence.json` of a stranger.
 
     Raises:
+        UnknownFormatError: it says that another version made it, and holds what this one lacks.
         EvidenceError: no canonical JSON within its bounds, or not as the schema has it.
     """
-    parse(data, what)
+    values = parse(data, what)
     try:
         document = EvidenceDocument.model_validate_json(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = ".".join(map(str, first["loc"]))
+        made = _maker(values)
+        if made:
+            raise UnknownFormatError(
+                f"{what}: made by {made}, and payscope {version('payscope')} does not read all of "
+                f"it ({where}: {first['msg']}): digests and signature were checked, and nothing in "
+                "it can be recomputed here"
+            ) from None
         raise EvidenceError(f"{what}: {where}: {first['msg']}, which its schema refuses") from None
     if document.data != data:
         raise EvidenceError(f"{what}: holds a value in a form that its schema does not have")
     return document
+
+
+def _maker(values: Any) -> str:
+    """Which other version a document says that it is of; "" for this one, or where it says none."""
+    if not isinstance(values, dict) or not isinstance(values.get("software"), dict):
+        return ""
+    made, form = values["software"].get("payscope"), values.get("format")
+    if not isinstance(made, str) or not isinstance(form, str):
+        return ""
+    own = made == version("payscope") and form == FORMAT
+    return "" if own else f"payscope {made[:_LONGEST]} in {form[:_LONGEST]}"
 
 
 def schema_text() -> str:

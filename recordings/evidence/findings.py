@@ -12,6 +12,8 @@ class BundleOutcome(IntEnum):
     IRREPRODUCIBLE = 4
     INCOMPLETE = 5
     OUTSIDE = 6
+    EXPIRED = 7
+    OTHER_VERSION = 8
 
 
 #: Which of several outcomes is the exit status: the first that was found.
@@ -20,12 +22,20 @@ ORDER: Final = (
     BundleOutcome.INCOMPLETE,
     BundleOutcome.IRREPRODUCIBLE,
     BundleOutcome.OUTSIDE,
+    BundleOutcome.EXPIRED,
+    BundleOutcome.OTHER_VERSION,
+)
+#: Outcomes of evidence that does not hold; the others are of evidence that does.
+FAULTS: Final = frozenset(
+    {BundleOutcome.TAMPERED, BundleOutcome.INCOMPLETE, BundleOutcome.IRREPRODUCIBLE}
 )
 _NAMES: Final = {
     BundleOutcome.TAMPERED: "tampered",
     BundleOutcome.IRREPRODUCIBLE: "irreproducible",
     BundleOutcome.INCOMPLETE: "incomplete",
     BundleOutcome.OUTSIDE: "not within limits",
+    BundleOutcome.EXPIRED: "expired",
+    BundleOutcome.OTHER_VERSION: "made by another version",
 }
 
 

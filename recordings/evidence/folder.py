@@ -22,11 +22,13 @@ REPORT: Final = "report.html"
 PDF: Final = "report.pdf"
 SUMS: Final = "SHA256SUMS"
 STATEMENT: Final = "statement.dsse.json"
+#: Comes after the signature that it is of.
+TIMESTAMP: Final = "timestamp.tsr"
 RUNS: Final = "runs"
 #: Of every bundle.
 REQUIRED: Final = (EVIDENCE, READINGS, POINTS, RECORDING, REPORT)
-#: Not in SHA256SUMS: itself, and the statement, which holds its digest.
-UNLISTED: Final = (SUMS, STATEMENT)
+#: Not in SHA256SUMS: itself, the statement, which holds its digest, and the stamp of that.
+UNLISTED: Final = (SUMS, STATEMENT, TIMESTAMP)
 
 _RUN: Final = re.compile(rf"{RUNS}/[A-Za-z0-9][A-Za-z0-9._-]{{0,80}}\.rrd")
 _MOST_FILES: Final = 4096

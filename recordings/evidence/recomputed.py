@@ -1,8 +1,8 @@
 """Everything in a bundle that follows from the rest of it, computed anew and compared."""
 
+import datetime as dt
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from importlib.metadata import version
 from typing import Any, Final
 
 import polars as pl
@@ -16,6 +16,7 @@ from analysis.calibration.learnt import learnt_terms
 from analysis.calibration.mass_check import check_known_mass
 from estimators.errors import CampaignError
 from recordings.evidence.as_found import rms_error_kg
+from recordings.evidence.days import CLOCK_S, day_faults, made_at
 from recordings.evidence.derived import estimator_of, later_settings, reference_loads
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.findings import BundleFinding, BundleOutcome
@@ -49,7 +50,7 @@ def recompute(
     Returns:
         What differs, and notes for the reader.
     """
-    later = later_settings(document.machine)
+    later = (*later_settings(document.machine), *later_settings(document.campaign, "campaign."))
     notes = [_LATER.format(", ".join(later))] if later else []
     found: list[BundleFinding] = []
     steps: tuple[tuple[str, Callable[[], Iterable[BundleFinding]]], ...] = (
@@ -86,10 +87,12 @@ def _of_page(
         return
     if report_html(document, readings, points).encode() == report:
         return
-    made, mine = document.software.payscope, version("payscope")
-    if made != mine:
-        what = f"was made with payscope {made}, and that of payscope {mine} is another page"
-        yield BundleFinding(BundleOutcome.IRREPRODUCIBLE, REPORT, what)
+    if document.made_elsewhere:
+        what = (
+            f"made by {document.made_elsewhere}: the page cannot be recomputed here; compared by "
+            "its digest alone"
+        )
+        yield BundleFinding(BundleOutcome.OTHER_VERSION, REPORT, what)
     else:
         yield BundleFinding(
             BundleOutcome.TAMPERED, REPORT, "is not the page that the evidence gives"
@@ -133,6 +136,11 @@ def _of_files(document: EvidenceDocument) -> Findings:
     campaign, machine = document.campaign, document.machine
     if document.kind == "calibration" and document.expires != campaign.expires:
         yield _irreproducible("expires", f"is not {campaign.expires}, as the runs' days give")
+    made, now = made_at(document), dt.datetime.now(dt.UTC)
+    for fault in day_faults(campaign, document.logs, machine.machine.zone, made):
+        yield _irreproducible("campaign.runs", fault)
+    if made > now + dt.timedelta(seconds=CLOCK_S):
+        yield _irreproducible("made", f"is in the future: {document.made}, and now is {now:%F %R}")
     yield from _of_learnt(document)
     if document.estimator != estimator_of(campaign, document.weighing, machine):
         yield _irreproducible("estimator", "is not that of the settings")

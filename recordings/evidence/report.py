@@ -14,6 +14,7 @@ from typing import Any, Final
 import polars as pl
 
 from analysis.calibration.calibration import Calibration
+from recordings.evidence.days import runs_without_date
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.figures import WIDTH
 from recordings.evidence.learnt_terms import learnt_rows
@@ -210,6 +211,7 @@ def _runs(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[st
         .iter_rows(named=True)
     }
     found: list[Mapping[str, Any]] = []
+    undated = runs_without_date(document)
     for run in document.campaign.runs:
         begin = "start" if run.from_s is None else f"{run.from_s:g} s"
         end = "end" if run.to_s is None else f"{run.to_s:g} s"
@@ -231,7 +233,7 @@ def _runs(document: EvidenceDocument, readings: pl.DataFrame) -> list[Mapping[st
                 "id": run.id,
                 "stretch": run.log if whole else f"{run.log}, {begin} to {end}",
                 "load": run.load_id,
-                "day": run.day.isoformat(),
+                "day": f"{run.day}{' (not provable)' if run in undated else ''}",
                 "operator": run.operator or _NONE,
                 "conditions": ", ".join(f"{k} {text()}" for k, text in said.items() if text()),
                 "used": f"{count['used']} of {count['all']}",

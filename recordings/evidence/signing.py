@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from estimators.errors import EvidenceError
 from recordings.evidence.canonical import canonical, parse
+from recordings.evidence.weak_keys import weakness
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import (
@@ -58,12 +59,23 @@ class PublicKey:
         """Read what `text` gives.
 
         Raises:
-            EvidenceError: it is no base64 of 32 bytes.
+            EvidenceError: it is no base64 of 32 bytes, or a weak key.
         """
         raw = _unbase64(text, "a public key")
         if len(raw) != 32:
             raise EvidenceError(f"a public key of Ed25519 has 32 bytes, this one {len(raw)}")
-        return cls(raw)
+        return cls(raw).sound()
+
+    def sound(self) -> "PublicKey":
+        """The key, if signatures by it can be relied on.
+
+        Raises:
+            EvidenceError: it is of small order, no point of the curve, or its private half known.
+        """
+        fault = weakness(self.raw)
+        if fault:
+            raise EvidenceError(f"weak key {self.key_id[:12]}…: it {fault}; `{_MAKE}` makes one")
+        return self
 
     def signed(self, signature: bytes, message: bytes) -> bool:
         """Whether the signature is by this key, of this message."""
@@ -87,6 +99,15 @@ class SigningKey:
     def public(self) -> PublicKey:
         """The key that verifies."""
         return _raw(self.private.public_key())
+
+    def sound(self, where: str) -> "SigningKey":
+        """The key, if others do not have it.
+
+        Raises:
+            EvidenceError: it is published.
+        """
+        _sound(self.public, where)
+        return self
 
     def sign(self, message: bytes) -> bytes:
         """Sign: 64 bytes."""
@@ -130,14 +151,14 @@ def signing_key(path: Path | None) -> SigningKey | None:
         raise EvidenceError(f"{where}: holds no private key in PEM; `{_MAKE}` makes one") from None
     if not isinstance(key, Ed25519PrivateKey):
         raise EvidenceError(f"{where}: is no Ed25519 key; `{_MAKE}` makes one")
-    return SigningKey(key)
+    return SigningKey(key).sound(where)
 
 
 def public_key(path: Path) -> PublicKey:
     """The public key of a file.
 
     Raises:
-        EvidenceError: it cannot be read, or is no public Ed25519 key in PEM.
+        EvidenceError: it cannot be read, is no public Ed25519 key in PEM, or a weak one.
     """
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
@@ -152,7 +173,7 @@ def public_key(path: Path) -> PublicKey:
         raise EvidenceError(f"{path}: holds no public key in PEM; `{_PUBLISH}` writes it") from None
     if not isinstance(key, Ed25519PublicKey):
         raise EvidenceError(f"{path}: is no Ed25519 key; evidence is signed by Ed25519")
-    return _raw(key)
+    return _sound(_raw(key), str(path))
 
 
 def pae(payload_type: str, payload: bytes) -> bytes:
@@ -252,6 +273,13 @@ def _read(path: Path) -> bytes:
     if len(data) > _MOST_KEY_BYTES:
         raise EvidenceError(f"{path}: is no key: larger than {_MOST_KEY_BYTES} bytes")
     return data
+
+
+def _sound(key: PublicKey, where: str) -> PublicKey:
+    try:
+        return key.sound()
+    except EvidenceError as fault:
+        raise EvidenceError(f"{where}: {fault}") from None
 
 
 def _raw(key: "Ed25519PublicKey") -> PublicKey:

@@ -7,6 +7,7 @@ import polars as pl
 
 from analysis.calibration.calibration import Calibration
 from analysis.calibration.next_load import next_load
+from recordings.evidence.days import runs_without_date
 from recordings.evidence.document import EvidenceDocument
 from recordings.evidence.learnt_terms import RUNS, TERMS
 
@@ -65,7 +66,16 @@ def unseen(document: EvidenceDocument) -> list[str]:
         if document.chain.previous is None
         else ()
     )
-    return [*_UNSEEN, *first]
+    undated = [run.id for run in runs_without_date(document)]
+    days = (
+        (
+            f"On which day these runs were made: {', '.join(undated)}. Their logs have no absolute "
+            "time; the day is not provable, the campaign file alone says it.",
+        )
+        if undated
+        else ()
+    )
+    return [*_UNSEEN, *first, *days]
 
 
 def _outcome(document: EvidenceDocument) -> list[str]:

@@ -39,6 +39,12 @@ def command(
     day: Annotated[
         str | None, typer.Option(metavar="DATE", help="Day of the log, if it has no date.")
     ] = None,
+    timestamp_request: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write the query that a time-stamp authority (RFC 3161) answers."
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option(help="Replace evidence that is there.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
@@ -55,6 +61,8 @@ def command(
         raise typer.BadParameter("--check-u, --certificate and --day are of --check")
     if check is not None and previous is None:
         raise typer.BadParameter("--check needs --previous, the evidence that it checks")
+    if check is not None and timestamp_request is not None:
+        raise typer.BadParameter("--timestamp-request is of a campaign, not of --check")
     with Stages(1) as stages:
         if check is not None and previous is not None:
             known = Known(check, check_u, certificate, day)
@@ -67,6 +75,7 @@ def command(
                 previous=previous,
                 recordings=recordings,
                 force=force,
+                timestamp_request_file=timestamp_request,
                 on_log=stages.begin,
             )
     if as_json:
@@ -115,7 +124,7 @@ def _print(screen: "Console", made: "Calibrated") -> None:
             "[bold red]!![/] ",
         )
     else:
-        print_line(screen, f"signed by {signer.name or 'no name'}, key {signer.key_id[:12]}…")
+        print_line(screen, f"signed as {signer.name or 'no name'}, key {signer.key_id[:12]}…")
     if made.document.chain.previous is None:
         print_line(screen, "number 1 of this machine's evidence; --previous chains it to another")
     print_line(screen, f"evidence: {made.folder}")

@@ -2,7 +2,7 @@
 
 Exit status: 0 done; 1 the answer is no (cannot weigh, differs); 2 bad input or usage, with one
 line that says which file, what is wrong and what to do. `verify` adds 3 tampered, 4 irreproducible,
-5 incomplete, 6 not within limits.
+5 incomplete, 6 not within limits, 7 expired, 8 made by another version.
 """
 
 import os
@@ -25,6 +25,7 @@ from replay.commands import (
     fleet,
     info,
     init,
+    keys,
     plot,
     reproduce,
     review,
@@ -51,6 +52,7 @@ _COMMANDS = (
 for _command in _COMMANDS:
     app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
 app.add_typer(fleet.app, name="fleet")
+app.add_typer(keys.app, name="keys", help="Keep the public keys of signers that you know.")
 
 
 @app.callback(invoke_without_command=True)

@@ -30,7 +30,11 @@ SignerKey = Annotated[
     typer.Option("--key", help="Public key (PEM) that the evidence has to be signed with."),
 ]
 RequireSigned = Annotated[
-    bool, typer.Option("--require-signed", help="Refuse evidence without a signature.")
+    bool,
+    typer.Option(
+        "--require-signed",
+        help="Refuse evidence without a signature by --key, or by a key of the keyring.",
+    ),
 ]
 
 
@@ -47,8 +51,9 @@ def asked_calibration(
             raise typer.BadParameter("--key and --require-signed are of --calibration")
         return None
     from replay.calibrated import AskedCalibration
+    from replay.commands.first_use import first_use
 
-    return AskedCalibration(folder, key, signed)
+    return AskedCalibration(folder, key, signed, first_use())
 
 
 _UNITS = ("s", "ms", "us", "ns")

@@ -1,5 +1,6 @@
 """`payscope verify`: evidence of a calibration, checked by whoever trusts nobody."""
 
+import datetime as dt
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,17 +21,40 @@ def command(
     previous: Annotated[
         Path | None, typer.Option(help="Evidence before it, which you know to be genuine.")
     ] = None,
+    require_signed: Annotated[
+        bool,
+        typer.Option(
+            "--require-signed", help="Ask for a signature by --key, or by a key of the keyring."
+        ),
+    ] = False,
+    on: Annotated[
+        dt.datetime | None,
+        typer.Option(formats=["%Y-%m-%d"], metavar="DATE", help="Judge its expiry on that day."),
+    ] = None,
+    tsa: Annotated[
+        Path | None,
+        typer.Option(help="Certificates (PEM) of time-stamp authorities that you trust."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Check evidence: files, signature, chain, fit, budget, report and, with logs, every replay.
 
-    Exit status 0 where all holds; 3 tampered, 5 incomplete, 4 irreproducible, 6 not within limits:
-    the first of these that is found. Nothing in the folder is run.
+    Exit status 0 where all holds; 3 tampered, 5 incomplete, 4 irreproducible, 6 not within limits,
+    7 expired, 8 made by another version: the first of these that is found. Nothing in the folder is
+    run.
     """
     from replay.commands.printing import print_json
     from replay.verify import verify
 
-    found = verify(folder, logs=logs, key_file=key, previous=previous)
+    found = verify(
+        folder,
+        logs=logs,
+        key_file=key,
+        previous=previous,
+        signed=require_signed,
+        on=None if on is None else on.date(),
+        tsa=tsa,
+    )
     if as_json:
         print_json(found.to_dict())
     else:

@@ -74,7 +74,8 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
         lenient: leave out evidence of other settings.
 
     Raises:
-        PayscopeError: the machine file is wrong, or evidence is wrong or of another machine.
+        PayscopeError: the machine file is wrong, or evidence is wrong, of another machine or signed
+            by a key that is not in the user's keyring.
     """
     machine = load_machine(files.file, files.overrides)
     calibrations: list[MachineCalibration] = []
@@ -82,6 +83,12 @@ def machine_setups(name: str, files: NamedFiles, *, lenient: bool) -> tuple[Mach
         if _is_check(folder):
             continue
         by = load_calibration(AskedCalibration(folder))
+        if by.signed_by.how == "unknown":
+            # nobody sits beside a fleet to be asked
+            raise EvidenceError(
+                f"{folder}: is {by.signed_by}; keep the key, if the signer gave it to you by "
+                f"another way: {by.signed_by.add_line}"
+            )
         try:
             by.checked(by.weighing(machine), files.file)
         except EvidenceError:

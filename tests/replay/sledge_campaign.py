@@ -44,8 +44,13 @@ operator = "O. Operator"
 """
 
 
-def campaign_folder(folder: Path, *, extra: str = "", loads: tuple[int, ...] = LOADS) -> Path:
-    """Write logs, machine file and campaign file; the campaign file."""
+def campaign_folder(
+    folder: Path, *, extra: str = "", loads: tuple[int, ...] = LOADS, begin_unix_s: float = 0.0
+) -> Path:
+    """Write logs, machine file and campaign file; the campaign file.
+
+    Logs begin a day after each other from `begin_unix_s`; at 0 none has an absolute time.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     machine = MACHINE.replace(
         "empty_mass_kg = 100.0", "empty_mass_kg = 100.0\nempty_mass_u_kg = 0.05"
@@ -58,7 +63,11 @@ def campaign_folder(folder: Path, *, extra: str = "", loads: tuple[int, ...] = L
             rng = np.random.default_rng(count)
             table = sledge(mass_kg=100.0 + MASS_KG * count)
             noise = pl.Series(rng.normal(0.0, 3.0, table.height))
-            table.with_columns(force_N=pl.col("force_N") + noise).write_csv(folder / log)
+            later_s = begin_unix_s + 86400.0 * number if begin_unix_s else 0.0
+            table = table.with_columns(
+                force_N=pl.col("force_N") + noise, time_s=pl.col("time_s") + later_s
+            )
+            table.write_csv(folder / log)
         on_board = [f"block-{k}" for k in range(1, count + 1)]
         text += RUN.format(
             id=f"run-{count}", log=log, loads=str(on_board).replace("'", '"'), day=1 + number

@@ -175,7 +175,7 @@ def test_evidence_of_the_first_format_verifies_and_is_used_without_responses(
     made: Calibrated, tmp_path: Path
 ) -> None:
     def as_first(bundle: Bundle) -> None:
-        bundle.evidence["format"] = bundle.evidence["format"].replace("/2", "/1")
+        bundle.evidence["format"] = bundle.evidence["format"].replace("/3", "/1")
         del bundle.evidence["learnt"]["responses"], bundle.evidence["calibration"]["responses"]
 
     first = tampered(made.folder, tmp_path / "first", as_first, signed=True)

@@ -1,0 +1,97 @@
+"""`payscope keys`: whose public keys the user knows."""
+
+import datetime as dt
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from recordings.evidence.signing import PublicKey
+
+app = typer.Typer(no_args_is_help=True)
+_DAY = ["%Y-%m-%d"]
+
+
+@app.command("list")
+def list_keys(
+    as_json: Annotated[bool, typer.Option("--json", help="Print the keys as JSON.")] = False,
+) -> None:
+    """List the keys of the keyring, and where it is; PAYSCOPE_KEYRING names another file."""
+    from recordings.evidence.keyring import load_keyring
+    from replay.commands.printing import console, plain_table, print_json, print_line, print_table
+
+    keyring = load_keyring()
+    rows = [{"key_id": each.public.key_id, **each.model_dump()} for each in keyring.keys]
+    if as_json:
+        print_json(rows)
+        return
+    screen = console()
+    table = plain_table("key", "owner", "valid from", "valid to", "revoked")
+    for row in rows:
+        days = (row["valid_from"], row["valid_to"], row["revoked"])
+        table.add_row(f"{row['key_id'][:12]}…", row["owner"], *(str(d or "–") for d in days))
+    print_table(screen, table)
+    print_line(screen, f"keyring: {keyring.path}")
+
+
+@app.command()
+def add(
+    key: Annotated[str, typer.Argument(help="Public Ed25519 key: a PEM file, or its base64.")],
+    owner: Annotated[str, typer.Option(help="Whose key it is, as you know by another way.")],
+    valid_from: Annotated[
+        dt.datetime | None, typer.Option(formats=_DAY, help="First day of its signatures.")
+    ] = None,
+    valid_to: Annotated[
+        dt.datetime | None, typer.Option(formats=_DAY, help="Last day of its signatures.")
+    ] = None,
+) -> None:
+    """Add a public key to the keyring."""
+    from estimators.errors import EvidenceError
+    from recordings.evidence.keyring import KnownKey, add_key, load_keyring
+
+    public = _public(key)
+    if not owner.strip():
+        raise EvidenceError("--owner: name whose key it is")
+    if valid_from and valid_to and valid_to < valid_from:
+        raise EvidenceError("--valid-to is before --valid-from")
+    known = KnownKey(
+        key=public.text,
+        owner=owner.strip(),
+        valid_from=None if valid_from is None else valid_from.date(),
+        valid_to=None if valid_to is None else valid_to.date(),
+    )
+    keyring = add_key(load_keyring(), known)
+    typer.echo(f"{keyring.path}: key {public.key_id[:12]}… of {known.owner} added")
+
+
+@app.command()
+def revoke(
+    key: Annotated[str, typer.Argument(help="First digits of the key's id, or the key.")],
+    day: Annotated[
+        dt.datetime | None, typer.Option(formats=_DAY, help="Since when; today by default.")
+    ] = None,
+    because: Annotated[str, typer.Option(help="Why, such as a lost disk.")] = "",
+) -> None:
+    """Revoke a key: none of its signatures counts, but for those that a time stamp proves older."""
+    from recordings.evidence.keyring import load_keyring, revoke_key
+
+    is_id = all(digit in "0123456789abcdef" for digit in key) and key != ""
+    key_id = key if is_id else _public(key).key_id
+    since = dt.datetime.now(dt.UTC).date() if day is None else day.date()
+    keyring = revoke_key(load_keyring(), key_id, since, because)
+    typer.echo(f"{keyring.path}: key {key_id[:12]}… revoked on {since}")
+
+
+def _public(key: str) -> "PublicKey":
+    from estimators.errors import EvidenceError
+    from recordings.evidence.signing import PublicKey, public_key
+
+    if Path(key).exists():
+        return public_key(Path(key))
+    try:
+        return PublicKey.of_text(key)
+    except EvidenceError as fault:
+        raise EvidenceError(
+            f"{key}: no such file, and no key in base64 ({fault}); name a public key in PEM"
+        ) from None
