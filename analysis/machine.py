@@ -1,8 +1,9 @@
 """The machine: its body, its channels and its settings, as a machine file states them."""
 
 import re
+from collections.abc import Mapping
 from datetime import date
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import (
@@ -22,6 +23,13 @@ from estimators.errors import nearest
 _FORBID = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 _DERIVATIVE = re.compile(r"d/dt\s+(\w+)")
 _MEAN = re.compile(r"mean\(\s*(\w+)\s*,\s*(\w+)\s*\)")
+#: Channels of wheels: in rad/s their scale is the wheel's radius.
+_WHEEL_SPEEDS = ("speed_left_m_s", "speed_right_m_s", "speed_x_m_s")
+_WHEEL_RADIUS = "wheel_radius_m"
+#: A scale within this factor of the radius, either way, is meant as one,
+_SAME_WHEEL = 0.5
+#: and differs from it by this share: tyres wear and sink in by less.
+_WHEELS_DIFFER = 0.08
 _ANGLE = re.compile(r"(pitch|roll)\(\s*([^\s()]+)\s*\)")
 
 
@@ -168,6 +176,24 @@ class Machine(BaseModel):
     channels: dict[str, Channel] = {}
     settings: Settings = Settings.model_validate({})
 
+    @model_validator(mode="before")
+    @classmethod
+    def _scale_of_wheels(cls, given: Any) -> Any:
+        """`scale = "wheel_radius_m"` is the machine's, in m/rad."""
+        if not isinstance(given, Mapping) or not isinstance(given.get("channels"), Mapping):
+            return given
+        body = given.get("machine")
+        radius_m = body.get(_WHEEL_RADIUS) if isinstance(body, Mapping) else None
+        channels = dict(given["channels"])
+        for name, channel in channels.items():
+            if isinstance(channel, Mapping) and channel.get("scale") == _WHEEL_RADIUS:
+                if radius_m is None:
+                    raise ValueError(
+                        f'channels.{name}: scale = "wheel_radius_m" needs machine.wheel_radius_m'
+                    )
+                channels[name] = {**channel, "scale": radius_m}
+        return {**given, "channels": channels}
+
     @model_validator(mode="after")
     def _channels_fit(self) -> Self:
         known = {column.name for column in CHANNEL_COLUMNS}
@@ -181,7 +207,23 @@ class Machine(BaseModel):
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")
         self.derivation_order()
         self._enough()
+        self._one_wheel_radius()
         return self
+
+    def _one_wheel_radius(self) -> None:
+        """Wheels have one radius: that of their force, and in m/rad that of their speed."""
+        radius_m = self.machine.wheel_radius_m
+        for name in _WHEEL_SPEEDS if radius_m is not None else ():
+            channel = self.channels.get(name)
+            if channel is None or channel.unit is not None or channel.scale == 1.0:
+                continue
+            ratio = abs(channel.scale) / radius_m
+            if _SAME_WHEEL <= ratio <= 1.0 / _SAME_WHEEL and abs(ratio - 1.0) > _WHEELS_DIFFER:
+                raise ValueError(
+                    f"channels.{name}.scale is {abs(channel.scale):g} m/rad and "
+                    f"machine.wheel_radius_m {radius_m:g}: two radii of one wheel; correct the one "
+                    'that is wrong, or say scale = "wheel_radius_m"'
+                )
 
     def _enough(self) -> None:
         """Force, speed and acceleration must come from somewhere."""

@@ -105,7 +105,7 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
 def _or_scale(guess: Guess) -> str:
     """A JointState's velocity is that of a wheel more often than that of the machine."""
     is_speed = guess.field.startswith("velocity[")
-    return "; where it is in rad/s, scale = the wheel radius" if is_speed else ""
+    return '; where it is in rad/s, scale = "wheel_radius_m"' if is_speed else ""
 
 
 def _guesses(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:

@@ -22,7 +22,8 @@ Spans = list[tuple[int, int]]
 
 #: What may freeze or clip.
 _FORCES: Final = ("force_x_N", "torque_left_N_m", "torque_right_N_m")
-_MOTION: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s", "specific_force_x_m_s2")
+_SPEEDS: Final = ("speed_x_m_s", "speed_left_m_s", "speed_right_m_s")
+_MOTION: Final = (*_SPEEDS, "specific_force_x_m_s2")
 #: What else tells that something changes; a position repeats itself where a machine stands.
 _BESIDE: Final = ("position_x_m", "acc_x_m_s2")
 #: A reading that repeats for longer is frozen, if another channel changes meanwhile
@@ -184,6 +185,8 @@ def long_runs(t: Ints, x: Floats) -> tuple[list[RepeatedReading], bool]:
 def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading]:
     t, x = channels[name]
     runs, never = long_runs(t, x)
+    if runs and float(np.ptp(x)) == 0.0:
+        return runs if _is_dead(name, channels) else []
     # a machine that stands has no speed, one that coasts no force
     runs = [run for run in runs if run.value != 0.0 or name == "specific_force_x_m_s2"]
     if not runs:
@@ -200,6 +203,16 @@ def _repeated(name: str, channels: Mapping[str, Series]) -> list[RepeatedReading
     ]
     # what froze there, and has noise elsewhere, froze wherever it repeats itself
     return runs if surely and never else surely
+
+
+def _is_dead(name: str, channels: Mapping[str, Series]) -> bool:
+    """Whether a channel that never moves should: it drives, or its other side does."""
+    of_motion = name in _MOTION
+    speeds = [x for key, (_, x) in channels.items() if key in _SPEEDS and key != name]
+    forces = [x for key, (_, x) in channels.items() if key in _FORCES and key != name]
+    # a machine that stands has no speed, whatever its force and its accelerometer read
+    beside = speeds if of_motion else [*speeds, *forces]
+    return any(float(np.ptp(x)) > 0.0 for x in beside)
 
 
 def _changes(t: Ints, x: Floats, least: float, begin_ns: int, end_ns: int) -> bool:

@@ -254,3 +254,45 @@ def test_a_unit_of_time_without_the_time_column_is_refused_rather_than_ignored()
         LogSection(time_unit="ms")
     assert LogSection(time="t", time_unit="ms").time_unit == "ms"
     assert LogSection.model_validate(LogSection().model_dump()) == LogSection()
+
+
+ANGULAR = {
+    f"speed_{side}_m_s": {"topic": "/wheels", "field": side, "scale": "wheel_radius_m"}
+    for side in ("left", "right")
+}
+WHEELS = (
+    TORQUES | ANGULAR | IMU | {"speed_x_m_s": {"derive": "mean(speed_left_m_s, speed_right_m_s)"}}
+)
+
+
+def scaled(scale, **more):
+    channels = {name: {**channel, "scale": scale, **more} for name, channel in ANGULAR.items()}
+    return WHEELS | channels
+
+
+def test_the_radius_is_the_scale_of_wheels_in_rad_s():
+    machine = load(WHEELS, {"wheel_radius_m": 0.42})
+    assert machine.channels["speed_left_m_s"].scale == 0.42
+    assert Machine.model_validate(machine.model_dump()) == machine
+
+
+def test_a_scale_by_a_radius_that_is_not_stated_is_refused():
+    said = refusal(FORCE | IMU | {"speed_x_m_s": ANGULAR["speed_left_m_s"]})
+    assert said == 'channels.speed_x_m_s: scale = "wheel_radius_m" needs machine.wheel_radius_m'
+
+
+@pytest.mark.parametrize("scale", [0.42, -0.42, 0.84 / 1.1, 0.5])
+def test_two_radii_of_one_wheel_are_refused_with_both_keys(scale):
+    said = refusal(scaled(scale), {"wheel_radius_m": 0.84 if abs(scale) != 0.5 else 0.42})
+    assert "channels.speed_left_m_s.scale" in said
+    assert "machine.wheel_radius_m" in said
+    assert 'scale = "wheel_radius_m"' in said
+
+
+@pytest.mark.parametrize("scale", [0.40, 0.44, -0.42, 1.0, 0.05, 0.1047])
+def test_a_worn_tyre_a_gear_and_a_speed_in_m_s_are_no_second_radius(scale):
+    load(scaled(scale), {"wheel_radius_m": 0.42})
+
+
+def test_a_scale_in_a_stated_unit_is_no_radius():
+    load(scaled(0.5, unit="km/h"), {"wheel_radius_m": 0.42})

@@ -269,6 +269,18 @@ class TestSignals:
         speed = np.where(np.arange(1000) < 400, 0.0, self.ramp())
         assert self.signals(force_x_N=self.ramp(), speed_x_m_s=speed).frozen_s == 0.0
 
+    @pytest.mark.parametrize("reading", [0.0, 700.0])
+    def test_a_sensor_that_never_moves_while_the_other_side_does_is_dead(self, reading):
+        torques = {"torque_left_N_m": np.full(1000, reading), "torque_right_N_m": self.ramp()}
+        found = self.signals(**torques, speed_x_m_s=self.ramp())
+        assert found.frozen_s == pytest.approx(9.99)
+        assert found.frozen["torque_right_N_m"] == []
+
+    def test_a_machine_that_never_drives_is_not_frozen(self):
+        noise = np.random.default_rng(3).normal(0.0, 60.0, 1000)
+        channels = {"force_x_N": noise, "specific_force_x_m_s2": noise}
+        assert self.signals(**channels, speed_x_m_s=np.zeros(1000)).frozen_s == 0.0
+
     def test_a_quantised_reading_is_not_frozen(self):
         coarse = np.round(self.ramp() / 0.02) * 0.02
         assert self.signals(force_x_N=self.ramp(), speed_x_m_s=coarse).frozen_s == 0.0
