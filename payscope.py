@@ -98,6 +98,12 @@ def _run(module: str) -> None:
         import_module(module).main()
     except ImportError as error:
         package = (error.name or "").partition(".")[0]
+        if package == "payscope":  # its version is not found: `importlib.metadata`
+            _refuse(
+                f"{_OURS}: payscope is not installed in this Python ({sys.executable}); run "
+                f"'{sys.executable} -m pip install -e {_OURS}', or 'make demo' once and then "
+                f"{_OURS / '.venv/bin/payscope'}"
+            )
         if package not in _PACKAGES:
             raise
         _refuse(

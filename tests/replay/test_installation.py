@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
 
+REPO = Path(__file__).resolve().parents[2]
 COMMAND = Path(sys.executable).with_name("payscope")
 
 
@@ -41,3 +43,23 @@ def test_a_package_that_shadows_ours_is_named_in_one_line(
 
 def test_without_one_the_command_runs(tmp_path: Path) -> None:
     assert payscope("--version", path=tmp_path).returncode == 0
+
+
+def test_a_checkout_that_is_not_installed_says_so_in_one_line(tmp_path: Path) -> None:
+    """Test: its sources on the path, what it needs, no metadata. Expected: how to install it."""
+    (tmp_path / "site").mkdir()
+    for needed in Path(sysconfig.get_path("purelib")).iterdir():
+        if not needed.name.startswith(("payscope", "_payscope", "__editable__")):
+            (tmp_path / "site" / needed.name).symlink_to(needed)
+    left = subprocess.run(
+        # -S: without the packages of this environment, where payscope is installed
+        [sys.executable, "-S", REPO / "payscope.py", "--version"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (left.returncode, left.stdout) == (2, "")
+    assert left.stderr.count("\n") == 1
+    assert f"payscope: {REPO}: payscope is not installed in this Python" in left.stderr
+    assert "make demo" in left.stderr
