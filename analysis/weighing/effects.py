@@ -125,9 +125,10 @@ class LikelyEffects:
 def _inverse(precision: Floats) -> Floats:
     """The covariance; of what rounding leaves singular, of what it determines."""
     try:
-        return np.linalg.inv(precision)
+        inverse = np.linalg.inv(precision)
     except np.linalg.LinAlgError:
-        return np.linalg.pinv(precision, hermitian=True)
+        inverse = np.linalg.pinv(precision, hermitian=True)
+    return inverse.astype(np.float64, copy=False)
 
 
 def _choice(
