@@ -6,9 +6,9 @@
 `drawn_tables` draws the tables, each by its seed; those that the file of results has are not driven
 again. Each table is replayed, and two of the other jobs are done with it, every pair in turn
 (viewer and fleet, which are slow to start, of one in 250); `--every` does all of them. Commands
-that read a recording read that one. Commands run in this process, as a user would type them. What breaks a
-promise is printed and kept: an exception, a warning that Python would print, an exit status that
-has no meaning, a message of several lines, JSON that is none, and a run whose headline,
+that read a recording read that one. Commands run in this process, as a user would type them.
+What breaks a promise is printed and kept: an exception, a warning that Python would print, an exit
+status that has no meaning, a message of several lines, JSON that is none, and a run whose headline,
 `can_weigh`, exit status and recording do not agree.
 """
 
