@@ -19,7 +19,7 @@ from scipy.special import betaln
 
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.units import FILLED, HINTED, NAMED, Units
+from estimators.units import FILLED, HINTED, NAMED, RESTARTED, Units
 
 Bools = NDArray[np.bool_]
 
@@ -253,12 +253,16 @@ def _log_of_rates(kind: Ints, changes: Bools) -> float:
     """No change as likely as some; then every rate of changes, and every choice of places.
 
     Where something else tells a change, the rate of changes is as likely as it is high, or what
-    tells it has nothing to do with the level.
+    tells it has nothing to do with the level. Records that end have one level, or one each, or any
+    rate of changes.
     """
     total = 0.0
     for each in np.unique(kind[kind > 0]):
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
-        if each > 1:
+        if each == RESTARTED:
+            by_rate = float(np.exp(betaln(used + 1, places - used + 1)))
+            total += float(np.log(by_rate + (used == 0) + (used == places))) + _THIRD
+        elif each > 1:
             # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
             by_rate = float(betaln(used + 2, places - used + 1)) - _HALF + np.log1p(-_TELLS_NOTHING)
             total += by_rate if used else float(np.logaddexp(by_rate, np.log(_TELLS_NOTHING)))
