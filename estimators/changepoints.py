@@ -96,10 +96,6 @@ def partitions(
     best = single
     if several.log_posterior > single.log_posterior:
         best = _sure(several, posterior)
-        # changes that even odds let stand are together as sure as one elsewhere
-        even = bool((units.kind == RESTARTED).any())
-        if even and best.log_posterior < single.log_posterior + _SURE:
-            best = single
     return Partitions(best, single, best if best.states > 1 else several, probability)
 
 

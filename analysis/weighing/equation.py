@@ -280,6 +280,11 @@ class Equation:
         return int(np.unique(self.unit[self.used]).size)
 
     @cached_property
+    def drives_apart(self) -> int:
+        """How many drives may be fitted between which a load may change."""
+        return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
+
+    @cached_property
     def on_a_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.changepoints import partitions
 from estimators.partition_posterior import PartitionPosterior, Stretches
-from estimators.units import Units
+from estimators.units import RESTARTED, Units
 
 SPREAD = 1200.0
 USUAL = 72.0
@@ -46,6 +46,19 @@ class TestPartitions:
     def test_a_load_that_comes_back_is_a_state_of_its_own(self):
         levels = [3600.0] * 3 + [3850.0] * 3 + [3600.0] * 3
         assert state_of(levels) == [0] * 3 + [1] * 3 + [2] * 3
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_records_that_differ_little_are_told_where_they_end_and_not_elsewhere(self, seed):
+        """Seven records of two manoeuvres, each two deviations of the difference above the last."""
+        levels = np.repeat(3600.0 + 30.0 * np.arange(7), 2)
+        kind = np.tile([0, RESTARTED], 7)[:-1]
+        assert max(state_of(levels, seed=seed, kind=kind)) == 6
+        assert max(state_of(levels, seed=seed, kind=kind // RESTARTED)) < 6
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_records_of_one_load_are_one_state(self, seed):
+        kind = np.tile([0, 0, 0, RESTARTED], 5)[:-1]
+        assert max(state_of([3600.0] * 20, seed=seed, kind=kind)) == 0
 
     def test_manoeuvres_that_scatter_alike_are_one_state(self):
         found = partitions(units([3600.0] * 20, scatter=60.0), SPREAD, USUAL)
