@@ -2,8 +2,8 @@
 
 The prior is not tuned: one level is as likely as several, of these every rate of changes is as
 likely as any other, and so is every choice of as many places (Scott & Berger 2010, Bayes and
-empirical-Bayes multiplicity adjustment). Where records end, one level for all, one each, and any rate of
-changes are as likely as each other. Levels are each their own, or two that take turns, or
+empirical-Bayes multiplicity adjustment). Where records end, one level for all, one each, and any
+rate of changes are as likely as each other. Levels are each their own, or two that take turns, or
 every second one is one that comes back, as that of an empty machine does; each is as likely. They
 are normal about a mean of their own, how far apart is the series' to say, up to `spread` (Gelman
 2006, Prior distributions for variance parameters). Scatter is half-normal: it and a level for each
