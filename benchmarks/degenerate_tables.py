@@ -409,7 +409,7 @@ def fleet(of: Replayed, payscope: Driven) -> None:
 SLOW_JOBS: Final = (viewed, fleet)
 _SLOW_EVERY: Final = 250
 #: Commands that read no log, and nothing that was made of one.
-WITHOUT_LOG: Final = frozenset({"demo", "excite", "reproduce", "simulate"})
+WITHOUT_LOG: Final = frozenset({"demo", "excite", "keys", "reproduce", "simulate"})
 
 
 def jobs_of(seed: int) -> tuple[Job, ...]:

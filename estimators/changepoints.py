@@ -18,7 +18,7 @@ from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
 from estimators.optimal_partition import optimal_partition
 from estimators.partition_posterior import Partition, PartitionPosterior, Stretches
-from estimators.units import FILLED, HINTED, NAMED, Units
+from estimators.units import FILLED, HINTED, NAMED, RESTARTED, Units
 
 #: Scatter that is tried, over the units' own deviation, where it is not known.
 _SCATTERS: Final = (0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 25.0, 50.0)
@@ -68,9 +68,8 @@ def partitions(
     scatters = [times * typical for times in _SCATTERS] if scatter is None else [scatter]
     one, each_own = np.zeros(n, np.int64), np.append(0, np.cumsum(units.kind > 0))
     # with many changes, effects that one level needs hide them from every search that begins there
-    hinted = [
-        np.append(0, np.cumsum(units.kind >= least)) for least in (HINTED, FILLED, NAMED) if n > 1
-    ]
+    least_kinds = (RESTARTED, HINTED, FILLED, NAMED)
+    hinted = [np.append(0, np.cumsum(units.kind >= least)) for least in least_kinds if n > 1]
     noise_alone = PartitionPosterior(units, spread, 0.0, None)
     begin = [noise_alone.effects(one), noise_alone.effects(np.arange(n))]
     found: dict[bytes, tuple[Partition, PartitionPosterior]] = {}
@@ -107,17 +106,28 @@ def _sure(best: Partition, posterior: PartitionPosterior) -> Partition:
         least = np.argsort(np.abs(np.diff(best.levels)), kind="stable")[:_LEAST_CHANGES]
         # each change alone, and both of a level, which lets its neighbours be one
         joints = [first[k : k + many] for k in least for many in (1, 2)]
-        plainer = max(
-            (
-                posterior.of(Stretches.of(_joined(best.state, joint), posterior.units.kind))
-                for joint in joints
-            ),
-            key=lambda each: each.log_posterior,
-        )
-        if plainer.log_posterior < best.log_posterior - _SURE:
+        plainer = [
+            posterior.of(Stretches.of(_joined(best.state, joint), posterior.units.kind))
+            for joint in joints
+        ]
+        allowed = [_least_odds(posterior.units.kind[joint - 1]) for joint in joints]
+        margin = [
+            each.log_posterior - (best.log_posterior - odds)
+            for each, odds in zip(plainer, allowed, strict=True)
+        ]
+        likeliest = int(np.argmax(margin))
+        if margin[likeliest] < 0.0:
             break
-        best = plainer
+        best = plainer[likeliest]
     return best
+
+
+def _least_odds(kind: Ints) -> float:
+    """From which odds on changes are said, as a logarithm.
+
+    Where the record ended, both sides are known to be records of their own: even odds will do.
+    """
+    return 0.0 if (kind == RESTARTED).all() else _SURE
 
 
 def _joined(state: Ints, at: Ints) -> Ints:

@@ -2,7 +2,8 @@
 
 The prior is not tuned: one level is as likely as several, of these every rate of changes is as
 likely as any other, and so is every choice of as many places (Scott & Berger 2010, Bayes and
-empirical-Bayes multiplicity adjustment). Levels are each their own, or two that take turns, or
+empirical-Bayes multiplicity adjustment). Where records end, one level for all, one each, and any
+rate of changes are as likely as each other. Levels are each their own, or two that take turns, or
 every second one is one that comes back, as that of an empty machine does; each is as likely. They
 are normal about a mean of their own, how far apart is the series' to say, up to `spread` (Gelman
 2006, Prior distributions for variance parameters). Scatter is half-normal: it and a level for each
@@ -19,7 +20,7 @@ from scipy.special import betaln
 
 from estimators.compiled import compiled
 from estimators.estimate import Floats, Ints
-from estimators.units import FILLED, HINTED, NAMED, Units
+from estimators.units import FILLED, HINTED, NAMED, RESTARTED, Units
 
 Bools = NDArray[np.bool_]
 
@@ -253,12 +254,16 @@ def _log_of_rates(kind: Ints, changes: Bools) -> float:
     """No change as likely as some; then every rate of changes, and every choice of places.
 
     Where something else tells a change, the rate of changes is as likely as it is high, or what
-    tells it has nothing to do with the level.
+    tells it has nothing to do with the level. Records that end have one level, or one each, or any
+    rate of changes.
     """
     total = 0.0
     for each in np.unique(kind[kind > 0]):
         places, used = int((kind == each).sum()), int(changes[kind == each].sum())
-        if each > 1:
+        if each == RESTARTED:
+            by_rate = float(np.exp(betaln(used + 1, places - used + 1)))
+            total += float(np.log(by_rate + (used == 0) + (used == places))) + _THIRD
+        elif each > 1:
             # ∫ 2 p pᵏ (1 - p)ⁿ⁻ᵏ dp, unless what moves there tells nothing
             by_rate = float(betaln(used + 2, places - used + 1)) - _HALF + np.log1p(-_TELLS_NOTHING)
             total += by_rate if used else float(np.logaddexp(by_rate, np.log(_TELLS_NOTHING)))

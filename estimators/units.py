@@ -11,11 +11,13 @@ from estimators.estimate import Floats, Ints
 from estimators.group_sums import GroupSums, NoiseMoments, scaled_columns
 from estimators.sandwich import meat
 
-#: Kinds of boundaries where something besides the units tells a change: it may (a boom that moves),
-#: it nearly always does (a bucket that was filled), or somebody says so.
-HINTED: Final = 2
-FILLED: Final = 3
-NAMED: Final = 4
+#: Kinds of boundaries where something besides the units tells a change: a record ends and another
+#: begins, it may (a boom that moves), it nearly always does (a bucket that was filled), or somebody
+#: says so.
+RESTARTED: Final = 2
+HINTED: Final = 3
+FILLED: Final = 4
+NAMED: Final = 5
 #: Rounds of residuals and their variance.
 _NOISE_ROUNDS: Final = 3
 #: So many units share their effects.
@@ -35,7 +37,8 @@ class Units:
         gram: (r, r) information about β within units and from its prior.
         cross: (r,) likewise its right-hand side.
         kind: (n - 1,) of each boundary: 0 no change can be there, 1 only the units tell one,
-            `HINTED`, `FILLED` and `NAMED` something tells it besides; places of a kind are alike.
+            `RESTARTED`, `HINTED`, `FILLED` and `NAMED` something tells it besides; places of a kind
+            are alike.
     """
 
     y: Floats

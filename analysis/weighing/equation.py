@@ -42,6 +42,9 @@ _MIXED: Final = 1
 #: Driving without a stand is cut into manoeuvres of so long, in s: far longer than a loader drives
 #: between two stands, and of some dozen readings at 1 Hz.
 _DRIVES_S: Final = 60.0
+#: Silence of so long, in s, is that between two records: files that count from 0 follow one another
+#: after 10 s, a network that drops messages is back sooner.
+_SILENT_S: Final = 8.0
 #: So long beside a gap nothing is fitted.
 _CLEAR_S: Final = 0.1
 #: Wheels of which less rolls say nothing of the ground's speed.
@@ -113,6 +116,7 @@ class Equation:
         empty: which samples are named as those of the empty machine, where any are.
         stood: how often the machine has stood before, or was not seen: a load changes nowhere else;
             None: the units say so.
+        silences: how often the log has been silent before as long as between two files.
     """
 
     acceleration: Floats
@@ -136,6 +140,7 @@ class Equation:
     digs: Bools | None = None
     empty: Bools | None = None
     stood: Ints | None = None
+    silences: Ints | None = None
 
     def beginning(self, stretches: int) -> "Equation":
         """The same up to the end of so many stretches."""
@@ -175,6 +180,7 @@ class Equation:
             digs=None if self.digs is None else self.digs[cut],
             empty=None if self.empty is None else self.empty[cut],
             stood=None if self.stood is None else self.stood[cut],
+            silences=None if self.silences is None else self.silences[cut],
         )
 
     @cached_property
@@ -274,6 +280,11 @@ class Equation:
         return int(np.unique(self.unit[self.used]).size)
 
     @cached_property
+    def drives_apart(self) -> int:
+        """How many drives may be fitted between which a load may change."""
+        return int(np.unique((self.unit if self.stood is None else self.stood)[self.used]).size)
+
+    @cached_property
     def on_a_bench(self) -> bool:
         """Whether it goes to and fro on one short path, which no vehicle does."""
         driven_m = float(np.abs(self.speed).sum()) / self.rate_hz
@@ -358,6 +369,7 @@ def equation(
         aligned["digs"].to_numpy() if "digs" in aligned.columns else None,
         _named_empty(aligned, machine),
         stood,
+        _silences(known, rows_in(_SILENT_S, settings.align.rate_hz)),
     )
 
 
@@ -403,6 +415,15 @@ def _standstills(excitation: pl.DataFrame) -> Ints:
     """How often the machine has come to stand, or was not seen, up to each sample, (n,)."""
     stands = ~(excitation["phase"] != "standstill").fill_null(value=False).to_numpy()
     return np.cumsum(stands & ~np.append(False, stands[:-1])).astype(np.int64)
+
+
+def _silences(known: Bools, shortest: int) -> Ints:
+    """How often nothing was known for so many samples, up to each sample, (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], known, [True]]).astype(np.int8)))
+    first, end = edges[::2], edges[1::2]
+    begun = np.zeros(known.size, np.int64)
+    begun[first[end - first >= shortest]] = 1
+    return np.cumsum(begun)
 
 
 def _cut_drives(stood: Ints, longest: int) -> Ints:

@@ -43,7 +43,7 @@ _LEAST_SLIP: Final = 0.05
 #: The wheels' own acceleration tells slip where it leaves so much of its prior: where it left a
 #: third, slip was up to two deviations from what it was.
 _SLIP_IS_TOLD: Final = 0.1
-#: Fewer manoeuvres do not tell a drift from a change of load.
+#: Fewer drives with a stand or a hole between them do not tell a drift from a change of load.
 _FEWEST_OF_DRIFT: Final = 6
 
 
@@ -213,7 +213,7 @@ class FitTask:
     def units(self, fit: JointFit, rows: Averages) -> Units:
         """What each manoeuvre says of its mass, by what a fit found and the rows of that."""
         mean, std = self._priors(self._cost(fit.theta, fit.solution, fit.terms))
-        if 1 < self.motion.manoeuvres < _FEWEST_OF_DRIFT:
+        if 1 < self.motion.drives_apart < _FEWEST_OF_DRIFT:
             std[place_of("gain_drift", self.terms)] *= NARROW
         # loads that alternate and ground that does are told apart by the fit of both, not here
         ground = [place for place, term in enumerate(self.terms) if term.source == BY_GROUND]

@@ -14,7 +14,7 @@ from analysis.weighing.equation import Equation, Floats, Ints, begins, ends
 from estimators.changepoints import Partitions, partitions
 from estimators.levels import Levels
 from estimators.partition_posterior import Partition
-from estimators.units import FILLED, HINTED, NAMED, Units
+from estimators.units import FILLED, HINTED, NAMED, RESTARTED, Units
 
 #: A load is anything up to this share of the machine's mass (rated loads of loaders are).
 _LARGEST_LOAD: Final = 1.0 / 3.0
@@ -189,9 +189,9 @@ def places(motion: Equation) -> Ints:
     """What tells a change of load between one manoeuvre and the next, (units - 1,).
 
     Returns:
-        0 where the machine drove on, 1 where only the masses can, `HINTED` where the boom or the
-        bucket moved as well, `FILLED` where the machine dug, `NAMED` where the time begins or ends
-        in which it is named as empty.
+        0 where the machine drove on, 1 where only the masses can, `RESTARTED` where the log was
+        silent as between two files, `HINTED` where the boom or the bucket moved as well, `FILLED`
+        where the machine dug, `NAMED` where the time begins or ends in which it is named as empty.
     """
     used = np.flatnonzero(motion.used)
     first = np.flatnonzero(np.append(True, np.diff(sample_units(motion)) > 0))
@@ -219,7 +219,10 @@ def _place(motion: Equation, end: int, begin: int, since: int, until: int) -> in
     if motion.stood is not None and motion.stood[end] == motion.stood[begin]:
         return 0
     moved = any(_range(arm[since : until + 1]) > _ARM_MOVES_RAD for arm in motion.arms)
-    return HINTED if moved else 1
+    if moved:
+        return HINTED
+    silent = motion.silences is not None and motion.silences[end] != motion.silences[begin]
+    return RESTARTED if silent else 1
 
 
 def _range(x: Floats) -> float:

@@ -7,7 +7,7 @@ import pytest
 
 from estimators.changepoints import partitions
 from estimators.partition_posterior import PartitionPosterior, Stretches
-from estimators.units import Units
+from estimators.units import FILLED, HINTED, RESTARTED, Units
 
 SPREAD = 1200.0
 USUAL = 72.0
@@ -46,6 +46,22 @@ class TestPartitions:
     def test_a_load_that_comes_back_is_a_state_of_its_own(self):
         levels = [3600.0] * 3 + [3850.0] * 3 + [3600.0] * 3
         assert state_of(levels) == [0] * 3 + [1] * 3 + [2] * 3
+
+    def test_records_that_differ_little_are_told_where_they_end_and_not_elsewhere(self):
+        """Seven records of two manoeuvres, each two deviations of the difference above the last."""
+        levels = np.repeat(3600.0 + 30.0 * np.arange(7), 2)
+        kind = np.tile([0, RESTARTED], 7)[:-1]
+        ended, stood = (
+            [max(state_of(levels, seed=seed, kind=each)) + 1 for seed in range(8)]
+            for each in (kind, kind // RESTARTED)
+        )
+        assert ended.count(7) >= 6
+        assert stood.count(7) == 0
+
+    @pytest.mark.parametrize("seed", range(10))
+    def test_records_of_one_load_are_one_state(self, seed):
+        kind = np.tile([0, 0, 0, RESTARTED], 5)[:-1]
+        assert max(state_of([3600.0] * 20, seed=seed, kind=kind)) == 0
 
     def test_manoeuvres_that_scatter_alike_are_one_state(self):
         found = partitions(units([3600.0] * 20, scatter=60.0), SPREAD, USUAL)
@@ -95,7 +111,7 @@ class TestPartitions:
         levels = [3600.0, 4000.0, 3750.0, 4200.0, 3850.0, 3680.0] * 2
         for seed in range(5):
             found = partitions(units(levels, seed=seed), SPREAD, USUAL)
-            hinted = partitions(units(levels, seed=seed, kind=[2] * 11), SPREAD, USUAL)
+            hinted = partitions(units(levels, seed=seed, kind=[HINTED] * 11), SPREAD, USUAL)
             assert found.best.states == 1
             assert hinted.best.states > 4
             assert hinted.single_probability < 0.5 * found.single_probability
@@ -105,11 +121,14 @@ class TestPartitions:
         direction = np.tile([1.0, -1.0], 40)
         loads = np.random.default_rng(1).normal(700.0, 120.0, 40)
         levels = 3600.0 + np.column_stack([np.zeros(40), loads]).ravel()
-        kind = [3, 2] * 39 + [3]
+        kind = [FILLED, HINTED] * 39 + [FILLED]
         assert 76 <= len(set(state_of(levels, effect=direction, kind=kind))) <= 80
 
     def test_loads_below_the_scatter_are_told_where_something_is_filled_and_emptied(self):
-        levels, kind = np.tile([3600.0, 3600.0, 3655.0, 3655.0], 10), ([1, 3, 1, 2] * 10)[:-1]
+        levels, kind = (
+            np.tile([3600.0, 3600.0, 3655.0, 3655.0], 10),
+            ([1, FILLED, 1, HINTED] * 10)[:-1],
+        )
         for seed in range(5):
             bare = partitions(units(levels, seed=seed, scatter=40.0), SPREAD, USUAL).best
             filled = partitions(units(levels, seed=seed, scatter=40.0, kind=kind), SPREAD, USUAL)
@@ -118,7 +137,7 @@ class TestPartitions:
 
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_what_is_taken_for_fillings_may_tell_nothing(self, scatter):
-        kind = ([1, 3, 1, 2] * 8)[:-1]
+        kind = ([1, FILLED, 1, HINTED] * 8)[:-1]
         drawn = [units([3600.0] * 32, seed=k, scatter=scatter, kind=kind) for k in range(20)]
         states = [partitions(each, SPREAD, USUAL).best.states for each in drawn]
         assert np.mean(np.array(states) == 1) >= 0.8
@@ -126,7 +145,7 @@ class TestPartitions:
     @pytest.mark.parametrize("scatter", [0.0, 15.0, 45.0])
     def test_what_moves_everywhere_may_tell_nothing(self, scatter):
         for seed in range(10):
-            drawn = units([3600.0] * 15, seed=seed, scatter=scatter, kind=[2] * 14)
+            drawn = units([3600.0] * 15, seed=seed, scatter=scatter, kind=[HINTED] * 14)
             assert partitions(drawn, SPREAD, USUAL).best.states == 1
 
     def test_two_loads_that_take_turns_need_no_hint(self):

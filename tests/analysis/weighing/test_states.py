@@ -15,6 +15,7 @@ from benchmarks.honesty_rows import LOADER, Task, row_log
 from benchmarks.load_states import ONE_LOAD, whole_states
 from benchmarks.weighed import machine
 from estimators.errors import MachineError
+from estimators.units import HINTED
 from replay.memory_log import MemoryLog, reading_memory
 from replay.pipeline import run
 from tests.analysis.diagnosis.test_faults import situation
@@ -189,7 +190,7 @@ def test_an_arm_that_moves_between_single_starts_speaks_for_a_load_each(arm):
         found = weigh(hinted, *rest, machine(POOLED))
         assert found is not None
         motion, states = found.fit.motion, found.fit.states
-        assert places(motion).tolist() == [2 if raised_rad else 1] * 4
+        assert places(motion).tolist() == [HINTED if raised_rad else 1] * 4
         assert states is not None
         probable[raised_rad] = states.single_probability
     # so few starts do not settle it: it then says "states or scatter"
