@@ -213,7 +213,9 @@ class Machine(BaseModel):
     def _one_wheel_radius(self) -> None:
         """Wheels have one radius: that of their force, and in m/rad that of their speed."""
         radius_m = self.machine.wheel_radius_m
-        for name in _WHEEL_SPEEDS if radius_m is not None else ():
+        if radius_m is None:
+            return
+        for name in _WHEEL_SPEEDS:
             channel = self.channels.get(name)
             if channel is None or channel.unit is not None or channel.scale == 1.0:
                 continue
