@@ -413,6 +413,13 @@ class VerdictLimits(BaseModel):
     empty_mass_ratio_max: float = Field(
         4.0, gt=0, description="largest ungated mass over empty mass"
     )
+    negative_payload_max_u: float = Field(
+        3.0, gt=0, description="standard uncertainties that a mass may be below the empty mass"
+    )
+    empty_mass_max_u: float = Field(
+        1.0, gt=0, description="standard uncertainties from the empty mass that are not told of"
+    )
+    causes_max: int = Field(0, ge=0, description="most named causes that make a mass worthless")
 
 
 #: Where the keys of older machine files went, when all settings were one flat table.

@@ -50,6 +50,8 @@ OPEN: Final = tuple(
         "accepted_stretches_min": 0,
         "empty_mass_ratio_min": 0.0,
         "empty_mass_ratio_max": 1e9,
+        "negative_payload_max_u": 1e9,
+        "causes_max": 100,
     }.items()
 )
 POOLED: Final = 'settings.trace.methods=["pooled"]'

@@ -27,6 +27,10 @@ from benchmarks.unlisted_rows import (
 _Dice = np.random.Generator
 
 
+def _unsigned(x: Floats, _: DrawnLog, __: float, ___: _Dice) -> Floats:
+    return np.abs(x)
+
+
 def _dead_band(x: Floats, log: DrawnLog, size: float, _: _Dice) -> Floats:
     band = size * log.full_torque
     return np.sign(x) * np.maximum(np.abs(x) - band, 0.0)
@@ -120,7 +124,7 @@ MORE: Final = (
         "speed without its sign",
         ("unsigned", "sign_flipped"),
         (1.0, 1.0, 1.0),
-        Column("speed", SPEEDS, lambda x, *_: np.abs(x)),
+        Column("speed", SPEEDS, _unsigned),
         both_ways=True,
     ),
     Unlisted("encoder drops to zero", ("spikes",), (0.05, 0.1, 0.2), _dropped),
@@ -177,7 +181,7 @@ MORE: Final = (
         "left torque without its sign",
         ("unsigned", "unlike_sides"),
         (1.0, 1.0, 1.0),
-        Column("torque", TORQUES[:1], lambda x, *_: np.abs(x)),
+        Column("torque", TORQUES[:1], _unsigned),
         both_ways=True,
     ),
     Unlisted("speed averaged", ("delay",), (0.3, 0.6, 1.0), _averaged),

@@ -259,7 +259,7 @@ def _loose(log: DrawnLog, size: float, _: np.random.Generator) -> Frames:
     out = np.empty(x.size)
     still_x = float(np.median(x))
     for k in range(x.size):
-        for _ in range(4):
+        for _step in range(4):
             pull = np.deg2rad(size) * (x[k] - still_x) - angle
             rate += step / 4.0 * (w * w * pull - 2.0 * damping * w * rate)
             angle += step / 4.0 * rate

@@ -14,7 +14,14 @@ from analysis.check import Verdict
 from analysis.cycles.cycles import cycles
 from analysis.cycles.shift import shift
 from analysis.derive import derive, measured
-from analysis.diagnosis import Evidence, disagreements, signals, verdict, without_named
+from analysis.diagnosis import (
+    Evidence,
+    disagreements,
+    judged_with_causes,
+    signals,
+    verdict,
+    without_named,
+)
 from analysis.digging import digging, with_digs, without_digging
 from analysis.findings import Case, beginning, behind, findings
 from analysis.forces import forces
@@ -79,8 +86,8 @@ class _Judged:
         frames: of the run, up to the verdict.
         weighing: the joint fit.
         case: what causes are looked for in.
-        totals: the masses of the whole log, as far as they may be said.
-        opinion: the verdict.
+        totals: the masses of the whole log, nothing withheld yet.
+        contradicted: methods whose mass the log contradicts.
         stamps: which stamp each topic is placed by.
         doubts: what is not provably there.
         notes: what a reader should know.
@@ -90,7 +97,7 @@ class _Judged:
     weighing: Weighing | None
     case: Case
     totals: pl.DataFrame
-    opinion: Verdict
+    contradicted: list[str]
     stamps: dict[str, str]
     doubts: list[Loss]
     notes: list[str]
@@ -118,9 +125,11 @@ def run(
     machine, chosen = at_own_rate(placed.read, machine)  # what no setting gives
     seen = _judged(raw, placed, machine, on_stage)
     del placed  # of a shift it is half a gigabyte
-    weighing, opinion, excitation = seen.weighing, seen.opinion, seen.frames["excitation"]
+    weighing, excitation = seen.weighing, seen.frames["excitation"]
     on_stage("findings")  # named causes of a bad estimate, with what mending each would do
     causes = _causes(seen, raw, machine)
+    judged = judged_with_causes(seen.case.judged, causes, machine)
+    opinion = Verdict.of(judged)
     on_stage("planar")  # the centre of mass from arcs (9), and all six from joint motion
     plane, plane_budget = planar(
         excitation, seen.frames["gate"], opinion, machine, seen.frames["noise"]
@@ -145,8 +154,8 @@ def run(
             "nuisances": nuisances(weighing),
             **responses(weighing, machine, answer["loads"], hauled.sums),
             "budget": budget_frame(weighing, machine),
-            "masses": seen.totals,
-            "verdict": seen.case.judged,
+            "masses": withhold(seen.totals, opinion, seen.contradicted),
+            "verdict": judged,
             "findings": causes,
         },
         provenance=provenance(
@@ -220,7 +229,6 @@ def _judged(
         told.named,
     )
     judged = verdict(evidence)
-    opinion = Verdict.of(judged)
     contradicted = [each.method for each in disagreements(evidence) if each.contradicted]
     return _Judged(
         {
@@ -234,8 +242,8 @@ def _judged(
         },
         weighing,
         Case(evidence, aligned, noise, raw, digs, judged, estimates),
-        withhold(everything, opinion, contradicted),
-        opinion,
+        everything,
+        contradicted,
         placed.stamps,
         placed.doubts,
         notes,

@@ -24,6 +24,10 @@ from analysis.phases import beside_speed_rate, span_rows
 from analysis.regressor import X
 from analysis.schema import build, values
 
+_SCALE_REMEDY: Final = (
+    "the scale and unit of the force, machine.wheel_radius_m, machine.force_share, "
+    "machine.empty_mass_kg"
+)
 #: Less that moves has no sign, in s.
 _SHORTEST_MOVING_S: Final = 1.0
 
@@ -118,6 +122,27 @@ def _accepted_stretches(evidence: Evidence, _: Motion) -> float:
 def _empty_mass_ratio(evidence: Evidence, motion: Motion) -> float:
     empty_kg = evidence.machine.machine.empty_mass_kg
     return motion.fit.value / empty_kg if empty_kg else np.nan
+
+
+def _below_empty_u(evidence: Evidence, _: Motion) -> float:
+    found = evidence.empty_mass
+    return np.nan if found is None else -found.in_u
+
+
+def _from_empty_u(evidence: Evidence, _: Motion) -> float:
+    found = evidence.empty_mass
+    if found is None or not found.tells:
+        return np.nan
+    # what is so far below that it is withheld is said once
+    withheld = -found.in_u > evidence.machine.settings.verdict.negative_payload_max_u
+    return np.nan if withheld else abs(found.in_u)
+
+
+def _factor(evidence: Evidence, _: Motion) -> str:
+    found = evidence.empty_mass
+    limit_u = evidence.machine.settings.verdict.empty_mass_max_u
+    far = found is not None and found.tells and abs(found.in_u) > limit_u
+    return found.text if found is not None and far else ""
 
 
 def _spin_centre(evidence: Evidence, motion: Motion) -> float:
@@ -221,6 +246,29 @@ CHECKS: Final = (
         minimum="empty_mass_ratio_min",
         maximum="empty_mass_ratio_max",
         applies=lambda evidence, _: evidence.machine.machine.empty_mass_kg is not None,
+    ),
+    CheckRow(
+        "negative_payload",
+        "mass",
+        _below_empty_u,
+        "by how many standard uncertainties, with the scale's, the lightest load is below the "
+        "machine's empty mass",
+        maximum="negative_payload_max_u",
+        optional=True,
+        names=_factor,
+        remedy=_SCALE_REMEDY,
+    ),
+    CheckRow(
+        "empty_mass",
+        "mass",
+        _from_empty_u,
+        "difference of the lightest load to the machine's empty mass, likewise; where it may be "
+        "a payload, only what is beyond one",
+        maximum="empty_mass_max_u",
+        optional=True,
+        names=_factor,
+        consequence="tell",
+        remedy=_SCALE_REMEDY,
     ),
     *FIT_CHECKS,
     *SIGNAL_CHECKS,

@@ -10,6 +10,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from analysis import fit_quality
+from analysis.diagnosis.empty_mass import EmptyMassDifference, empty_mass_difference
 from analysis.diagnosis.left_out import LeftOut
 from analysis.diagnosis.signals import Signals
 from analysis.machine import Machine
@@ -101,6 +102,11 @@ class Evidence:
         None where there is none.
         """
         return None if self.weighing is None else self.weighing.fit.force_by_place
+
+    @cached_property
+    def empty_mass(self) -> EmptyMassDifference | None:
+        """The lightest load against the machine's empty mass; None without either."""
+        return empty_mass_difference(self.weighing, self.machine)
 
     @cached_property
     def straight(self) -> Motion:

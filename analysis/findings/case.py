@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
+from analysis.check import Verdict
 from analysis.column_noise import ColumnNoise
 from analysis.diagnosis.evidence import Bools, Evidence, Floats
 from analysis.diagnosis.signals import Ints, Series
@@ -65,6 +66,11 @@ class Case:
         """The joint fit, by what this log says itself; None where there is none."""
         weighing = self.evidence.weighing
         return None if weighing is None else weighing.own
+
+    @cached_property
+    def can_weigh(self) -> bool:
+        """Whether no check withholds the mass."""
+        return Verdict.of(self.judged).can_weigh
 
     @cached_property
     def checks(self) -> dict[str, float]:

@@ -57,6 +57,7 @@ class Cause:
         needs: what a log must hold for it to be seen at all, in a sentence.
         find: looks for it, channel by channel; nothing where the log does not hold that.
         withholds: whether a mass under it is worth nothing.
+        as_judged: whether it withholds only where a check of the verdict does.
         explains: causes that are seen where it is, and stand behind it.
         outdone: what is stronger by this factor is not explained by it.
         hides: whether little else shows before it is mended.
@@ -67,6 +68,7 @@ class Cause:
     needs: str
     find: Callable[[Case], list[Sign]]
     withholds: bool = False
+    as_judged: bool = False
     explains: tuple[str, ...] = ()
     outdone: float = float("inf")
     hides: bool = False

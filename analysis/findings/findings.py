@@ -77,7 +77,7 @@ def _row(rank: int, cause: Cause, sign: Sign, case: Case) -> dict[str, object]:
 def _severity(cause: Cause, sign: Sign, change: Change | None, case: Case) -> str:
     if sign.harmless:
         return "tell"
-    if cause.withholds:
+    if cause.withholds and not (cause.as_judged and case.can_weigh):
         return "withhold"
     if change is None or case.fit is None:
         return "tell"

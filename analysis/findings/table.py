@@ -10,6 +10,7 @@ from analysis.findings import (
     readings,
     recursion,
     residuals,
+    scale,
     signs,
     stamps,
     timing,
@@ -35,7 +36,10 @@ CAUSES: Final = (
         f"{_BOTH} to tell which; a drive in which force and acceleration change",
         signs.flipped,
         withholds=True,
-        explains=(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
+        explains=(
+            *(*_OF_FIT, "unsigned", "offset", "wrong_unit", "imu_misaligned", "swapped_sides"),
+            "wrong_scale",
+        ),
         hides=True,
     ),
     Cause(
@@ -44,7 +48,10 @@ CAUSES: Final = (
         "braking that the force sees, or driving in reverse",
         signs.unsigned,
         withholds=True,
-        explains=("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
+        explains=(
+            *("delay", "coulomb", "driveline", "external_force", "offset", "wrong_unit"),
+            "wrong_scale",
+        ),
     ),
     Cause(
         "wrong_unit",
@@ -52,8 +59,16 @@ CAUSES: Final = (
         f"{_BOTH}, or its z axis at standstill; for the force the machine's empty mass",
         signs.wrong_unit,
         withholds=True,
-        explains=(*_OF_FIT, "imu_misaligned", "offset", "slope"),
+        explains=(*_OF_FIT, "imu_misaligned", "offset", "slope", "wrong_scale"),
         hides=True,
+    ),
+    Cause(
+        "wrong_scale",
+        "every mass is wrong by one factor: a gear, a unit, the wheels' radius or their share",
+        "the machine's empty mass; below it, or a log with a state that is empty",
+        scale.wrong_scale,
+        withholds=True,
+        as_judged=True,
     ),
     Cause(
         "swapped_sides",
@@ -67,7 +82,7 @@ CAUSES: Final = (
         "another channel that changes meanwhile",
         readings.frozen,
         withholds=True,
-        explains=(*_OF_FIT, "imu_misaligned", "spikes", "saturated"),
+        explains=(*_OF_FIT, "imu_misaligned", "spikes", "saturated", "wrong_scale"),
     ),
     Cause(
         "saturated",
@@ -75,7 +90,7 @@ CAUSES: Final = (
         "starts that reach it",
         readings.saturated,
         withholds=True,
-        explains=(*_OF_FIT, "quantised", "wrong_unit"),
+        explains=(*_OF_FIT, "quantised", "wrong_unit", "wrong_scale"),
     ),
     Cause(
         "spikes",
@@ -163,7 +178,11 @@ CAUSES: Final = (
         _BOTH,
         imu.low_passed,
         withholds=True,
-        explains=("wheel_radius", "slip", "delay", "too_little_excitation", "load_changed_inside"),
+        as_judged=True,
+        explains=(
+            *("wheel_radius", "slip", "delay", "too_little_excitation", "load_changed_inside"),
+            "wrong_scale",
+        ),
     ),
     Cause(
         "wheel_radius",
@@ -251,6 +270,7 @@ CAUSES: Final = (
         "nothing more",
         model.too_little,
         withholds=True,
+        as_judged=True,
         # of what hardly moves, the wheels' noise counts as motion that the accelerometer has not
         explains=(
             *("wheel_radius", "slip", "coulomb", "delay", "collinear", "driveline"),

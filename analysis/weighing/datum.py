@@ -26,7 +26,7 @@ from analysis.weighing.weigh import Weighing
 _AGREES: Final = 3.0
 #: Relative standard uncertainty of a scale of which the machine file says nothing, where it has to
 #: be told from another machine.
-_UNKNOWN_SCALE: Final = 0.1
+UNKNOWN_SCALE: Final = 0.1
 #: Factors that an empty machine does not tell: they change with the load.
 _BY_LOAD: Final = frozenset(scale.name for scale in SCALES if scale.by_load)
 #: A log that begins earlier counts from 0, and has no day.
@@ -116,7 +116,7 @@ class EmptyMachine:
         stated_kg = self._stated_kg
         if stated_kg is None:
             return ""
-        scale_kg = _UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
+        scale_kg = UNKNOWN_SCALE * self.rotating_kg if unknown_factors(self.sources) else 0.0
         u_kg = float(np.hypot(combined(self.sources), scale_kg))
         allowed_kg = _AGREES * float(np.hypot(u_kg, self._body.empty_mass_u_kg or 0.0))
         if abs(self.rotating_kg - stated_kg) <= allowed_kg:

@@ -150,7 +150,7 @@ def test_clean_logs_raise_no_check_and_are_weighed(name):
 
 
 def test_every_check_of_the_mass_that_can_fail_has_a_fault_here_or_in_the_verdict():
-    """The others are those of the ungated log, which `test_verdict` is about."""
+    """The others are in `test_verdict` (of the ungated log) and in `test_empty_mass`."""
     elsewhere = {
         "partial_correlation",
         "relative_std",
@@ -159,6 +159,8 @@ def test_every_check_of_the_mass_that_can_fail_has_a_fault_here_or_in_the_verdic
         "acceleration_gain",
         "accepted_stretches",
         "empty_mass_ratio",
+        "negative_payload",
+        "empty_mass",
         "frozen",
     }
     of_mass = {row.name for row in CHECKS if row.about == "mass"}

@@ -1,0 +1,47 @@
+"""One table of judgement: a mass that a named cause makes worthless is withheld."""
+
+from typing import Final
+
+import polars as pl
+
+from analysis.machine import Machine
+from analysis.schema import build
+
+_CHECK: Final = "causes"
+_MEANING: Final = "named causes under which a mass is worth nothing"
+_REMEDY: Final = "payscope explain names what mends each"
+
+
+def judged_with_causes(
+    judged: pl.DataFrame, findings: pl.DataFrame, machine: Machine
+) -> pl.DataFrame:
+    """Add the check that withholds what a finding withholds.
+
+    Args:
+        judged: `verdict`.
+        findings: of the same log.
+        machine: its limit.
+
+    Returns:
+        `verdict` with one row more, behind those of the mass.
+    """
+    grave = findings.filter(pl.col("severity") == "withhold")
+    most = machine.settings.verdict.causes_max
+    names = ", ".join(name.replace("_", " ") for name in grave["cause"])
+    row = pl.DataFrame(
+        {
+            "check": [_CHECK],
+            "about": ["mass"],
+            "value": [float(grave.height)],
+            "minimum": pl.Series([None], dtype=pl.Float64),
+            "maximum": [float(most)],
+            "passed": [grave.height <= most],
+            "meaning": [f"{_MEANING} ({names})" if names else _MEANING],
+            "consequence": ["withhold"],
+            "remedy": [_REMEDY],
+        }
+    )
+    of_mass = judged.filter(pl.col("about") == "mass").height
+    parts = [judged.head(of_mass), row.select(judged.columns), judged.tail(judged.height - of_mass)]
+    cast = [part.cast(dict(judged.schema)) for part in parts]  # type: ignore[arg-type]
+    return build("verdict", pl.concat(cast).to_dict())

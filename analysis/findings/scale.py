@@ -1,0 +1,17 @@
+"""A scale that is wrong: the machine's empty mass is all that tells it."""
+
+from typing import Final
+
+from analysis.findings.case import Case
+from analysis.findings.cause import Sign
+
+#: Standard uncertainties, with the scale's, that chance stays below.
+_SURELY_U: Final = 3.0
+
+
+def wrong_scale(case: Case) -> list[Sign]:
+    """The lightest load against the empty mass, in their standard uncertainty with the scale."""
+    found = case.evidence.empty_mass
+    if found is None or not found.tells:
+        return []
+    return [Sign(abs(found.in_u) / _SURELY_U, found.text, channel=case.force_channel)]
