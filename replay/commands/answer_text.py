@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING, Final
 
-from replay.commands.printing import console, plain_table, print_line, print_table
+from replay.commands import printing
+from replay.commands.printing import plain_table, print_line, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,7 +36,7 @@ def print_answer(answer: "Answer", goal: float | None = None, verbose: int = 0) 
         goal: a standard uncertainty in kg; how many more starts would reach it is printed.
         verbose: 1 adds budget, methods and what was left out above; 2 every check.
     """
-    screen = console()
+    screen = printing.console()
     if answer.verdict.can_weigh:
         _print_worth(screen, answer, verbose)
     else:

@@ -98,7 +98,7 @@ def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
         severity=pl.lit("tell"), mass_change_kg=pl.lit(None, pl.Float64)
     )
     assert verdict_sentence(explain(told)).endswith(
-        "nothing that shows is known to bend the mass: delay, frozen."
+        "none of the findings is known to affect the mass: delay, frozen."
     )
     older = verdict_sentence(explain(without(drives(60.0), "findings")))
     assert older.endswith("replay it.")

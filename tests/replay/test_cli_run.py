@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from analysis.answer import Answer, AnswerRow
-from analysis.check import Verdict
+from analysis.check import Check, Verdict
 from recordings import read_recording
 from replay.commands import printing
 from replay.commands.answer_text import print_answer
@@ -75,6 +75,32 @@ class TestRun:
         begins = [line.split("  ")[0] for line in lines]
         assert begins.index("uncertainty from") < begins.index("method") < begins.index("check")
         assert any(line.startswith("± excludes scale error: set ") for line in lines)
+
+    def test_the_answer_takes_a_dozen_lines_v_adds_its_budget_and_vv_every_check(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "out.rrd"
+        brief = payscope("run", log, "-m", machine_file, "-o", out).out
+        assert len(brief.splitlines()) <= 14
+        assert f"payscope explain {out} says why" in brief
+        more, every = (payscope("run", log, "-m", machine_file, v).out for v in ("-v", "-vv"))
+        assert "uncertainty from" not in brief
+        assert "uncertainty from" in more
+        assert "force_sign" not in more
+        assert "force_sign" in every
+
+    def test_a_check_near_its_limit_is_printed_in_full(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        checks = (
+            Check("close", "mass", 0.9, None, 1.0, passed=True, meaning="what is close"),
+            Check("far", "mass", 0.1, None, 1.0, passed=True, meaning="what is far"),
+        )
+        print_answer(Answer((), [], [], [], [], 0.1, Verdict(checks)))
+        said = capsys.readouterr().out
+        assert re.search(r"^close +0\.9 +≤ 1 +near +what is close", said, re.M)
+        assert "what is far" not in said
+        assert "2 checks passed" in said
 
     @pytest.mark.parametrize("width", [80, 100, 160])
     def test_no_row_of_a_table_is_wider_than_the_screen(
