@@ -105,6 +105,7 @@ class Answer:
         fingerprint: of inputs, settings and results.
         recording: where it was recorded, None where it was not.
         shift: what its cycles add up to; empty where there are none.
+        findings: causes of an error that the log shows, the likeliest first.
     """
 
     rows: tuple[AnswerRow, ...]
@@ -120,6 +121,7 @@ class Answer:
     recording: str | None = None
     planar_budget: Sequence[Mapping[str, Any]] = ()
     shift: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    findings: Sequence[Mapping[str, Any]] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values; a mass of the log is there where it has one load."""
@@ -168,6 +170,7 @@ def answer(run: Run, recording: str | None = None) -> Answer:
         shift=shift[0] if shift and shift[0]["cycles_counted"] else {},
         accepted_share=share,
         verdict=Verdict() if judged is None else Verdict.of(judged),
+        findings=_rows(run, "findings"),
         losses=about.losses,
         notes=about.notes,
         fingerprint=about.fingerprint,

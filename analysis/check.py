@@ -7,6 +7,8 @@ import polars as pl
 
 #: Checks of the mass that find a force without its sign, which spoils the yaw torque as well.
 _SIGNS: Final = frozenset({"opposing_share", "driving_share"})
+#: Fraction of a limit from which on a number that passes is near it: a fifth of the way is left.
+_NEAR_FRACTION: Final = 0.8
 #: The check that counts windows, which joint motion has no use for.
 _COUNT: Final = "accepted_stretches"
 
@@ -48,6 +50,15 @@ class Check:
         bounds = [f"{bound:g}" for bound in (self.minimum, self.maximum) if bound is not None]
         mark = "" if len(bounds) == 2 else "≤ " if self.minimum is None else "≥ "
         return mark + " … ".join(bounds) if bounds else "–"
+
+    @property
+    def is_near(self) -> bool:
+        """Whether it passed with its number near a limit; of limits below 0 none is."""
+        if not self.passed or self.value is None:
+            return False
+        above = self.maximum is not None and self.value > _NEAR_FRACTION * self.maximum > 0.0
+        below = self.minimum is not None and 0.0 < _NEAR_FRACTION * self.value < self.minimum
+        return above or below
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values: a row of the frame `verdict`."""
@@ -106,6 +117,11 @@ class Verdict:
         return tuple(
             each for each in self.checks if each.passed is False and each.consequence != "withhold"
         )
+
+    @property
+    def near(self) -> tuple[Check, ...]:
+        """The checks that passed near a limit."""
+        return tuple(each for each in self.checks if each.is_near)
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values."""

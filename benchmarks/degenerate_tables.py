@@ -255,8 +255,8 @@ def disagreements(
 
 def _by_text(text: str) -> dict[str, bool]:
     return {
-        "the text 'can weigh'": "This log can weigh" in text,
-        "no text 'cannot weigh'": "This log cannot weigh" not in text,
+        "the text 'Log usable'": "Log usable: " in text,
+        "no text 'not usable'": "Log not usable" not in text,
     }
 
 

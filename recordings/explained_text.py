@@ -8,7 +8,7 @@ from analysis.explaining.moment import GateStretch, ManoeuvreSeen
 from estimators.errors import counted
 from recordings.finding_text import (
     LEADS_TO,
-    bends,
+    affects_mass,
     change_of,
     name_of,
     proposal_of,
@@ -39,13 +39,13 @@ def verdict_sentence(explained: Explanation) -> str:
     here = "" if explained.at_s is None else f"; at {explained.at_s:g} s {_moment(explained)}"
     found = explained.findings
     if found is None:
-        return f"{said}{here}; it was not looked at for causes: replay it."
+        return f"{said}{here}; this recording has no findings: replay the log."
     if not found:
-        return f"{said}{here}; no known cause of an error shows."
-    first = next((each for each in found if bends(each)), None)
+        return f"{said}{here}; none of the known causes of an error was detected."
+    first = next((each for each in found if affects_mass(each)), None)
     if first is None:
         names = ", ".join(name_of(each.cause) for each in found)
-        return f"{said}{here}; nothing that shows is known to bend the mass: {names}."
+        return f"{said}{here}; none of the findings is known to affect the mass: {names}."
     others = len(found) - 1
     more = f", and {counted(others, 'finding')} more" if others else ""
     change = change_of(first)

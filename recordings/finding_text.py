@@ -1,6 +1,7 @@
 """The causes that a log shows, in words: a line each, and as Markdown."""
 
-from typing import Final
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
 
 from analysis.explaining import Finding
 from analysis.run import Run
@@ -8,16 +9,21 @@ from recordings.wording import number, plus_minus
 
 #: What a severity leads to.
 LEADS_TO: Final = {
-    "withhold": "a mass under it is worth nothing",
-    "widen": "it moves the mass by more than its uncertainty",
-    "tell": "it changes the mass by less than its uncertainty, or by what is not known",
+    "withhold": "invalidates the mass",
+    "widen": "moves the mass by more than its uncertainty",
+    "tell": "moves the mass by less than its uncertainty, or by an unknown amount",
 }
 
 
 def findings_of(run: Run) -> tuple[Finding, ...]:
     """The findings of a run, the likeliest first; none of a run that was not looked at."""
     frame = run.frames.get("findings")
-    return () if frame is None else tuple(Finding.of(row) for row in frame.iter_rows(named=True))
+    return () if frame is None else findings_from(frame.iter_rows(named=True))
+
+
+def findings_from(rows: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
+    """The findings of rows of the frame `findings`."""
+    return tuple(Finding.of(row) for row in rows)
 
 
 def name_of(cause: str) -> str:
@@ -25,7 +31,7 @@ def name_of(cause: str) -> str:
     return cause.replace("_", " ")
 
 
-def bends(finding: Finding) -> bool:
+def affects_mass(finding: Finding) -> bool:
     """Whether it matters to the mass, or may: what is told alone, without kilograms, does not."""
     return finding.severity != "tell" or finding.mass_change_kg is not None
 
@@ -35,7 +41,9 @@ def change_of(finding: Finding) -> str:
     change, u = finding.mass_change_kg, finding.mass_change_u_kg
     if change is None:
         return ""
-    return f"mended, the mass changes by {'+' if change > 0 else ''}{plus_minus(change, u)} kg"
+    text = plus_minus(change, u)
+    signed = f"+{text}" if change > 0 else text.replace("-", "−", 1)
+    return f"fixing it changes the mass by {signed} kg"
 
 
 def span_of(finding: Finding) -> str:
@@ -66,7 +74,7 @@ def untold(finding: Finding) -> str:
     if not finding.alternatives:
         return ""
     names = ", ".join(map(name_of, finding.alternatives))
-    return f"this log does not tell it from: {names}"
+    return f"cannot be distinguished from: {names}"
 
 
 def findings_text(run: Run) -> str:
@@ -75,7 +83,7 @@ def findings_text(run: Run) -> str:
         return ""
     found = findings_of(run)
     if not found:
-        return "# Findings\n\nNo known cause of a wrong mass shows in this log."
+        return "# Findings\n\nNone of the known causes of a wrong mass was detected in this log."
     parts = ["# Findings"]
     for each in found:
         lines = [
@@ -85,6 +93,6 @@ def findings_text(run: Run) -> str:
         ]
         where = ", ".join(filter(None, (each.channel, span_of(each))))
         parts.append(f"## {each.rank}. {name_of(each.cause)}{f' ({where})' if where else ''}")
-        strength = f"{number(each.strength_1)} times what chance gives"
+        strength = f"{number(each.strength_1)} × the detection threshold"
         parts.append(f"{each.says}; {strength}\n\n" + "\n".join(f"- {line}" for line in lines))
     return "\n\n".join(parts)

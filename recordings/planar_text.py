@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from analysis.run import Run
-from recordings.wording import number, plus_minus, scale_unknown_line, table
+from estimators.errors import counted
+from recordings.wording import plus_minus, scale_unknown_line, table
 
 #: Of the variance.
 _SMALL = 0.005
@@ -134,7 +135,7 @@ def _determined(row: Mapping[str, Any]) -> str:
         for name, (value, std, unit) in _NAMES.items()
         if row[value] is not None
     ]
-    said = [f"it determines {number(row['rank'])} numbers"]
+    said = [f"it determines {counted(row['rank'], 'number')}"]
     if row["identifiable"]:
         said.append(f"by themselves {row['identifiable']}")
     if row["combinations"]:

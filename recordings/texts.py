@@ -15,7 +15,7 @@ from analysis.stamps import FIRST_DATE_NS
 from recordings.display import span_ns
 from recordings.finding_text import finding_line, findings_of, findings_text
 from recordings.planar_text import planar, planar_lines
-from recordings.wording import number, outcome, plus_minus, table
+from recordings.wording import SCALE_NOT_KNOWN, number, outcome, plus_minus, table
 from recordings.worth_text import (
     budget_rows,
     load_heads,
@@ -91,7 +91,7 @@ def headline(said: Answer) -> str:
         return _several(said)
     for load in said.loads:
         if load["mass_kg"] is not None:
-            scale = ", scale not known" if load["scale_unknown"] else ""
+            scale = f", {SCALE_NOT_KNOWN}" if load["scale_unknown"] else ""
             return f"{plus_minus(load['mass_kg'], load['u_kg'])} kg (standard uncertainty{scale})"
     # a recording of an earlier version has no loads
     for row in said.rows if not said.loads else ():

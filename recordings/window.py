@@ -75,7 +75,7 @@ def check_stretch(path: str | Path, from_s: float | None, to_s: float | None) ->
     ends = [-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s]
     if not all(map(math.isfinite, filter(None, (from_s, to_s)))) or ends[0] > ends[1]:
         raise RecordingError(
-            f"{path}: {_words(from_s, to_s)} is no stretch; name seconds since the start, the "
+            f"{path}: {_words(from_s, to_s)} is not a time span; use seconds since the start, the "
             "earlier first"
         )
 

@@ -5,9 +5,10 @@ from math import floor, isfinite, log10
 from typing import Final
 
 from analysis.check import Check
+from analysis.uncertainty import IMU_POSITION, SCALES, TRACK_WIDTH
 
 #: What a check that failed led to, where it withholds nothing.
-REMARKED: Final = {"widen": "wider", "method": "withheld", "tell": "there"}
+REMARKED: Final = {"widen": "widened", "method": "withheld", "tell": "note"}
 
 
 def outcome(check: Check, *, passed: str, failed: str, absent: str) -> str:
@@ -44,22 +45,27 @@ def plus_minus(value: float | None, std: float | None) -> str:
     return f"{value:.{places}f} ± {std:.{places}f}"
 
 
-#: Stands beside tonnes whose ± lacks the scale.
-SCALE_NOT_KNOWN: Final = "scale not known"
+#: Stands beside a number whose ± lacks the scale error.
+SCALE_NOT_KNOWN: Final = "scale error not included"
 
 
 def scale_unknown_line(names: str, of: str = "") -> str:
-    """What the machine file should state of an answer's scale and does not.
+    """Name the uncertainties that the machine file lacks.
 
     Args:
-        names: of the sources, as frames have them.
-        of: what the answer is, where it is not the mass.
+        names: of the sources, as frames have them: `force_gain, wheel_radius`.
+        of: the quantity, where it is not the mass.
     """
     whose = f" of {of}" if of else ""
-    return (
-        f"{SCALE_NOT_KNOWN}: the machine file gives no uncertainty of {names}, "
-        f"so none is in the ±{whose}"
-    )
+    keys = ", ".join(_UNCERTAINTY_KEYS.get(name, name) for name in names.split(", "))
+    return f"±{whose} excludes scale error: set {keys} in the machine file"
+
+
+#: Keys of the machine file by the source of the uncertainty that they state.
+_UNCERTAINTY_KEYS: Final = {
+    scale.name: scale.setting.removeprefix("machine.")
+    for scale in (*SCALES, TRACK_WIDTH, IMU_POSITION)
+}
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -64,11 +64,11 @@ def load_sentences(said: Answer, most: int) -> list[str]:
     return lines
 
 
-def worth_lines(said: Answer) -> list[str]:
+def worth_lines(said: Answer, *, brief: bool = False) -> list[str]:
     """Masses, payloads and what bears on them; or the reason why there is none."""
     if len(said.loads) == 1:
-        return load_lines(said.loads[0])
-    lines = [f"{len(said.loads)} loads: this log has no one mass"] if said.loads else []
+        return load_lines(said.loads[0], brief=brief)
+    lines = [f"{len(said.loads)} load states; masses are listed per load"] if said.loads else []
     empty = [load for load in said.loads if load.get("empty")]
     if len(empty) == 1:
         mass = empty[0]["mass_kg"]
@@ -86,8 +86,8 @@ def worth_lines(said: Answer) -> list[str]:
     return lines + (_notes(known[0]) if known else [])
 
 
-def load_lines(load: Mapping[str, Any]) -> list[str]:
-    """Mass, payload and their sensitivity to the priors; or the reason why there is none."""
+def load_lines(load: Mapping[str, Any], *, brief: bool = False) -> list[str]:
+    """Mass, payload and, unless brief, the sensitivity to the priors; or why there is no mass."""
     if load.get("mass_kg") is None:
         return [f"no mass: {load.get('withheld_for') or 'nothing was fitted'}"]
     mass, u = load["mass_kg"], load["u_kg"]
@@ -100,11 +100,17 @@ def load_lines(load: Mapping[str, Any]) -> list[str]:
     lines += filter(None, [_calibrated_line(load)])
     if load["payload_kg"] is not None:
         lines.append(f"payload {_payload(load)} kg")
-    lines.append(
-        f"with priors half as wide {number(load['mass_halved_priors_kg'])} kg, "
-        f"twice as wide {number(load['mass_doubled_priors_kg'])} kg"
-    )
+    if not brief:
+        lines.append(prior_line(load))
     return lines + _notes(load)
+
+
+def prior_line(load: Mapping[str, Any]) -> str:
+    """The mass under priors half and twice as wide."""
+    return (
+        f"prior sensitivity: {number(load['mass_halved_priors_kg'])} kg (×½) … "
+        f"{number(load['mass_doubled_priors_kg'])} kg (×2)"
+    )
 
 
 def _notes(load: Mapping[str, Any]) -> list[str]:
@@ -189,8 +195,12 @@ def advice(said: Answer) -> str | None:
     if not known or not any(load["mass_kg"] is not None for load in said.loads):
         return None
     most = known[0]
-    said_of_it = f"{most['cause']} ({most['meaning']})"
-    return f"the largest part is {said_of_it}; it would shrink with: {most['shrinks']}"
+    share = most["share_1"]
+    part = "" if share is None else f", {share:.0%} of the variance"
+    return (
+        f"largest contribution: {most['meaning']} ({most['cause']}{part}); "
+        f"to reduce: {most['shrinks']}"
+    )
 
 
 def _payload(load: Mapping[str, Any]) -> str:

@@ -20,7 +20,7 @@ class ReadOnce(Log):
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """None: who replays a log many times has no use for many proofs of what was read."""
+        """Not hashed: a cached log is not evidence."""
         return ()
 
     def topics(self) -> pl.DataFrame:

@@ -64,7 +64,7 @@ class Verified:
         """The outcome in a sentence."""
         outcome = self.outcome
         if outcome is None:
-            return f"{self.folder}: all that was checked holds; {self.signed_by}"
+            return f"{self.folder}: verified; {self.signed_by}"
         kind = next(each.kind for each in self.findings if each.outcome is outcome)
         return f"{self.folder}: {kind.upper()} ({counted(len(self.findings), 'finding')})"
 

@@ -178,10 +178,10 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
         found += [
             ("payload", "what a haul starts with: what pours on the way is not taken off"),
             ("interval", "95 % (k = 2)"),
-            ("of that, repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
+            ("repeatability", f"± {K * shift['payload_u_random_kg'] / 1e3:.3f} t"),
             (
-                "of that, common to all loads",
-                f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t: more loads do not shrink it",
+                "systematic",
+                f"± {K * shift['payload_u_common_kg'] / 1e3:.3f} t (does not average out)",
             ),
             ("scale", scale_of(shift)),
             (
@@ -211,8 +211,8 @@ def facts(shift: Mapping[str, Any], target: TargetCheck | None) -> list[tuple[st
     found += [
         (
             "utilisation",
-            f"{shift['utilisation_1']:.0%}: {shift['idle_s'] / 60.0:.0f} min in stands of more "
-            f"than half a minute, {shift['gap_s'] / 60.0:.1f} min without a recording",
+            f"{shift['utilisation_1']:.0%}; idle (> 30 s): {shift['idle_s'] / 60.0:.0f} min; not "
+            f"recorded: {shift['gap_s'] / 60.0:.1f} min",
         )
     ]
     if target is not None:
@@ -245,9 +245,7 @@ def breakdown(ledger: pl.DataFrame) -> list[tuple[str, str]]:
 def target_sentence(target: TargetCheck) -> str:
     """The verdict on the target in words."""
     near = (
-        f"; {counted(target.near, 'load')} so near to a border that the uncertainty reaches over it"
-        if target.near
-        else ""
+        f"; {counted(target.near, 'load')} within the uncertainty of a limit" if target.near else ""
     )
     return (
         f"{'kept' if target.keeps else 'not kept'}: mean {target.mean_kg:,.0f} kg of "

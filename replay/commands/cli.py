@@ -12,6 +12,7 @@ from pathlib import Path
 from pickle import UnpicklingError
 from traceback import extract_tb
 from types import FrameType
+from typing import Final
 
 import typer
 
@@ -41,18 +42,28 @@ app = typer.Typer(
     name="payscope",
     help="Weigh robotic loaders from their recorded logs, and show every step of the answer.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_COMMANDS = (
-    *(demo, info, init, run, show, plot, view, explain, compare, sweep),
-    *(review, calibrate, verify, reproduce, excite, simulate),
+#: The commands by what they are for, as `payscope --help` groups them.
+_PANELS: Final = {
+    "Weigh": (init, run, explain, sweep),
+    "Look": (info, show, plot, view, compare),
+    "Shift and fleet": (review,),
+    "Calibrate": (calibrate, verify),
+    "Simulate": (demo, simulate, excite, reproduce),
+}
+for _panel, _commands in _PANELS.items():
+    for _command in _commands:
+        _name = _command.__name__.rpartition(".")[2]
+        app.command(name=_name, rich_help_panel=_panel)(_command.command)
+app.add_typer(fleet.app, name="fleet", rich_help_panel="Shift and fleet")
+app.add_typer(
+    keys.app,
+    name="keys",
+    help="Keep the public keys of signers that you know.",
+    rich_help_panel="Calibrate",
 )
-for _command in _COMMANDS:
-    app.command(name=_command.__name__.rpartition(".")[2])(_command.command)
-app.add_typer(fleet.app, name="fleet")
-app.add_typer(keys.app, name="keys", help="Keep the public keys of signers that you know.")
 
 
 @app.callback(invoke_without_command=True)

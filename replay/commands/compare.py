@@ -28,7 +28,7 @@ _COLUMNS_SHOWN: Final = 4
 
 
 def command(
-    a: Annotated[Path, typer.Argument(help="The recording that changes are counted from (.rrd).")],
+    a: Annotated[Path, typer.Argument(help="Baseline recording (.rrd).")],
     b: Annotated[Path, typer.Argument(help="The other recording.")],
     output: Annotated[
         Path | None,
@@ -36,9 +36,7 @@ def command(
             "-o", "--output", help="Write a recording of both, with their differences (.rrd)."
         ),
     ] = None,
-    rtol: Annotated[
-        float, typer.Option(min=0.0, help="Largest relative difference that counts as none.")
-    ] = 0.0,
+    rtol: Annotated[float, typer.Option(min=0.0, help="Relative tolerance.")] = 0.0,
     other_logs: Annotated[
         bool,
         typer.Option(

@@ -47,9 +47,9 @@ def command(
 ) -> None:
     """Say why a run weighs what it weighs: causes that show, the gate, what is not determined.
 
-    Each cause comes with what was measured, what mending it would do to the mass, the key of the
-    machine file, and the causes that this log does not tell it from. With --apply -o mended.toml
-    the machine file is written with the proposals that pay, and the log replayed with it. Exit
+    Each cause comes with its measurement, its effect on the mass, the key of the machine file, and
+    the causes that cannot be distinguished from it in this log. With --apply -o mended.toml the
+    machine file is written with the proposals that pay, and the log is replayed with it. Exit
     status 1 if nothing pays.
     """
     from replay.commands.printing import print_json

@@ -170,7 +170,7 @@ def _troubles(info: "LogInfo") -> Iterator[str]:
         if row["decoder"] == "rosbags":
             yield (
                 f"{row['topic']}: read message by message with rosbags, which is slow: "
-                f"{row['type']} has a field that columns are not made of"
+                f"{row['type']} has a field type that the columnar decoder does not support"
             )
 
 

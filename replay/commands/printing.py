@@ -34,8 +34,9 @@ def plain_table(*titles: str) -> Table:
 
 
 def print_line(screen: Console, line: str, mark: str = "") -> None:
-    """Print one line as it is, which the screen alone may break, behind a mark in markup."""
-    screen.print(Text.from_markup(mark) + Text(one_line(line)), soft_wrap=True)
+    """Print one line behind a mark in markup: broken between words on a screen, whole in a pipe."""
+    text = Text.from_markup(mark) + Text(one_line(line))
+    screen.print(text, soft_wrap=not screen.is_terminal)
 
 
 def print_table(screen: Console, table: Table, least: int = _NARROWEST) -> None:

@@ -99,7 +99,7 @@ class MessageLog(Log):
         ids = [connection.id for connection in self._topics[topic].connections]
         try:
             yield from drain_all(self._container.groups(ids, start_ns, end_ns), stream)
-        except GeneratorExit:  # nobody wants the rest
+        except GeneratorExit:  # the rest is not requested
             self._note(topic, stream.tally)
             raise
         self._judge(topic, stream.tally)

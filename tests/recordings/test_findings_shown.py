@@ -39,9 +39,9 @@ def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_tol
     assert "## 1. delay (force_x_N)" in text
     for part in (
         "it is 42 ± 3 ms late",
-        "mended, the mass changes by +123 ± 10 kg",
+        "fixing it changes the mass by +123 ± 10 kg",
         "set channels.force_x_N.delay_s = 0.042",
-        "this log does not tell it from: imu low passed",
+        "cannot be distinguished from: imu low passed",
         "## 2. frozen (speed_x_m_s, 7.0 to 9.0 s)",
     ):
         assert part in text
@@ -50,7 +50,7 @@ def test_every_finding_is_told_with_evidence_kilograms_and_what_it_cannot_be_tol
 
 def test_silence_is_an_answer_and_a_run_that_was_not_looked_at_says_nothing(drives) -> None:
     run = drives(30.0)
-    assert "No known cause" in findings_text(healthy(run))
+    assert "None of the known causes" in findings_text(healthy(run))
     assert findings_text(without(run, "findings")) == ""
 
 
@@ -87,18 +87,18 @@ def test_the_verdict_is_one_sentence_with_the_likeliest_cause(drives) -> None:
     said = verdict_sentence(explain(drives(60.0)))
     assert said.count("\n") == 0
     assert said.endswith(
-        "likeliest cause of an error: delay (mended, the mass changes by +123 ± 10 kg), "
+        "likeliest cause of an error: delay (fixing it changes the mass by +123 ± 10 kg), "
         "and 1 finding more."
     )
     assert verdict_sentence(explain(healthy(drives(60.0)))).endswith(
-        "no known cause of an error shows."
+        "none of the known causes of an error was detected."
     )
     told = drives(60.0)
     told.frames["findings"] = told.frames["findings"].with_columns(
         severity=pl.lit("tell"), mass_change_kg=pl.lit(None, pl.Float64)
     )
     assert verdict_sentence(explain(told)).endswith(
-        "nothing that shows is known to bend the mass: delay, frozen."
+        "none of the findings is known to affect the mass: delay, frozen."
     )
     older = verdict_sentence(explain(without(drives(60.0), "findings")))
     assert older.endswith("replay it.")

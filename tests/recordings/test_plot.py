@@ -207,7 +207,9 @@ def test_what_is_shaded_are_the_accepted_windows(drives, pages):
 
 def test_the_answer_and_the_checks_are_written_above(pages):
     head = pages[60.0].subfigs[0]
-    assert "3500 ± 41 kg (standard uncertainty, scale not known)" in head._suptitle.get_text()
+    assert (
+        "3500 ± 41 kg (standard uncertainty, scale error not included)" in head._suptitle.get_text()
+    )
     (text,) = (each.get_text() for each in head.axes[0].texts)
     assert "passed   partial_correlation 0.93" in text
 

@@ -11,7 +11,7 @@ from recordings.texts import headline, number, plus_minus, recording_name, summa
 
 def test_the_answer_begins_with_the_mass_of_the_load_and_what_its_uncertainty_is(drives):
     run = drives(60.0)
-    told = "3500 ± 41 kg (standard uncertainty, scale not known)"
+    told = "3500 ± 41 kg (standard uncertainty, scale error not included)"
     assert headline(answer(run)) == told
     assert texts(run)["answer"].startswith(f"# {told}")
     scaled = run.frames["loads"].with_columns(scale_unknown=pl.lit(""))
@@ -36,8 +36,8 @@ def test_a_check_that_fails_and_withholds_nothing_is_not_called_failed(drives):
     told = Run({**run.frames, "verdict": judged}, run.provenance)
     assert headline(answer(told)) == headline(answer(run))
     assert "failed" not in texts(told)["answer"]
-    assert "- wider: **partial_correlation**" in texts(told)["answer"]
-    assert "there    relative_std" in summary(told)
+    assert "- widened: **partial_correlation**" in texts(told)["answer"]
+    assert "note     relative_std" in summary(told)
     assert "FAILED" not in summary(told)
 
 

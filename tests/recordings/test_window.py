@@ -48,7 +48,9 @@ def test_a_stretch_outside_is_one_line_with_what_there_is(recording: Path):
 def test_ends_that_are_no_stretch_are_one_line(
     recording: Path, ends: tuple[float | None, float | None]
 ):
-    with pytest.raises(RecordingError, match=r"shift\.rrd: from .* is no stretch; name seconds"):
+    with pytest.raises(
+        RecordingError, match=r"shift\.rrd: from .* is not a time span; use seconds"
+    ):
         read_window(recording, *ends)
 
 

@@ -88,7 +88,9 @@ class TestShow:
     ) -> None:
         one_line(payscope("show", recording, "gate", "--at", 2, "--from", 1), "take one")
         for ends in (["--from", 5, "--to", 1], ["--from", "nan"], ["--to", "inf"]):
-            one_line(payscope("show", recording, "gate", *ends), "is no stretch", "earlier first")
+            one_line(
+                payscope("show", recording, "gate", *ends), "is not a time span", "earlier first"
+            )
         one_line(payscope("show", recording, "gate", "--at", "nan"), "is no time")
         one_line(payscope("show", recording, "masses", "--at", 2), "no time to cut by")
         one_line(payscope("show", recording, "--at", 2), "name one")

@@ -12,10 +12,10 @@ import pytest
 from rich.console import Console
 
 from analysis.answer import Answer, AnswerRow
-from analysis.check import Verdict
+from analysis.check import Check, Verdict
 from recordings import read_recording
 from replay.commands import printing
-from replay.commands.run import print_answer
+from replay.commands.answer_text import print_answer
 from replay.replay_logs import STEPS
 from tests.analysis.plane_drives import NOISE, arcs, sensors, spins, starts
 from tests.replay.sledge import Payscope, one_line, sledge
@@ -27,7 +27,7 @@ class TestRun:
     ) -> None:
         said = payscope("run", log, "-m", machine_file, "-o", tmp_path / "out.rrd")
         assert said.status == 0, said.err
-        assert "can weigh" in said.out
+        assert "Log usable: " in said.out
         assert read_recording(tmp_path / "out.rrd").frames["masses"].height == 5
 
     def test_json_gives_every_key_of_the_contract(
@@ -70,11 +70,37 @@ class TestRun:
     def test_the_mass_comes_first_with_its_budget_and_the_methods_below(
         self, payscope: Payscope, log: Path, machine_file: Path
     ) -> None:
-        lines = payscope("run", log, "-m", machine_file).out.splitlines()
+        lines = payscope("run", log, "-m", machine_file, "-vv").out.splitlines()
         assert re.fullmatch(r"mass 1\d\d\S* ± \S+ kg \(standard uncertainty\), 95 %: .*", lines[0])
         begins = [line.split("  ")[0] for line in lines]
         assert begins.index("uncertainty from") < begins.index("method") < begins.index("check")
-        assert any(line.startswith("scale not known: ") for line in lines)
+        assert any(line.startswith("± excludes scale error: set ") for line in lines)
+
+    def test_the_answer_takes_a_dozen_lines_v_adds_its_budget_and_vv_every_check(
+        self, payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
+    ) -> None:
+        out = tmp_path / "out.rrd"
+        brief = payscope("run", log, "-m", machine_file, "-o", out).out
+        assert len(brief.splitlines()) <= 14
+        assert f"payscope explain {out} says why" in brief
+        more, every = (payscope("run", log, "-m", machine_file, v).out for v in ("-v", "-vv"))
+        assert "uncertainty from" not in brief
+        assert "uncertainty from" in more
+        assert "force_sign" not in more
+        assert "force_sign" in every
+
+    def test_a_check_near_its_limit_is_printed_in_full(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        checks = (
+            Check("close", "mass", 0.9, None, 1.0, passed=True, meaning="what is close"),
+            Check("far", "mass", 0.1, None, 1.0, passed=True, meaning="what is far"),
+        )
+        print_answer(Answer((), [], [], [], [], 0.1, Verdict(checks)))
+        said = capsys.readouterr().out
+        assert re.search(r"^close +0\.9 +≤ 1 +near +what is close", said, re.M)
+        assert "what is far" not in said
+        assert "2 checks passed" in said
 
     @pytest.mark.parametrize("width", [80, 100, 160])
     def test_no_row_of_a_table_is_wider_than_the_screen(
@@ -87,12 +113,12 @@ class TestRun:
     ) -> None:
         screen = Console(highlight=False, width=width, force_terminal=False)
         monkeypatch.setattr(printing, "console", lambda: screen)
-        said = payscope("run", log, "-m", machine_file)
+        said = payscope("run", log, "-m", machine_file, "-vv")
         sentences = (
-            "scale not known: ",
-            "the largest part is ",
+            "± excludes scale error: ",
+            "largest contribution: ",
+            "finding: ",
             "mass ",
-            "by method ",
             "fingerprint: ",
         )
         rows = [line for line in said.out.splitlines() if not line.startswith(sentences)]
@@ -106,9 +132,8 @@ class TestRun:
         sledge().with_columns(pl.col("force_N").shift(12, fill_value=0.0)).write_csv(late)
         said = payscope("run", late, "-m", machine_file)
         assert said.status == 1
-        assert "This log cannot weigh" in said.out
+        assert said.out.startswith("Log not usable for weighing: the mass is withheld.")
         assert "lag: channels.force_x_N.delay_s" in said.out
-        assert not said.out.startswith("mass")
         mended = ["--set", "channels.force_x_N.delay_s=0.12"]
         assert payscope("run", late, "-m", machine_file, *mended).status == 0
 
@@ -147,7 +172,7 @@ class TestRun:
             "friction_x_std_N_s_m": {"pooled": None},
         }
         row = AnswerRow(numbers, {"pooled": 1}, withheld=False)
-        print_answer(Answer((row,), [], [], [], [], 0.1, Verdict()))
+        print_answer(Answer((row,), [], [], [], [], 0.1, Verdict()), verbose=1)
         assert "120.00  " in capsys.readouterr().out
 
     def test_timing_splits_the_seconds_by_stage(
@@ -186,7 +211,7 @@ class TestRun:
         sledge().with_columns(pl.lit(1.0).alias("force_N")).write_csv(unsigned)
         said = payscope("run", unsigned, "-m", machine_file, "-o", tmp_path / "out.rrd")
         assert said.status == 1
-        assert "cannot weigh" in said.out
+        assert "Log not usable" in said.out
         assert "opposing_share" in said.out
         kept = read_recording(tmp_path / "out.rrd").frames["masses"]
         assert kept["mass_kg"].null_count() == kept.height
@@ -263,7 +288,8 @@ methods = ["pooled"]
         recording = tmp_path / "turns.rrd"
         said = payscope("run", log, "-m", loader, "-o", recording)
         assert said.status == 0
-        assert "yaw inertia kg·m²" in said.out
+        assert re.search(r"^yaw inertia \S+ ± \S+ kg·m²", said.out, re.M)
+        assert "yaw inertia kg·m²" in payscope("run", log, "-m", loader, "-v").out
         assert "m ahead of the origin" in said.out
         assert "m to its right" in said.out
         answer = json.loads(payscope("run", log, "-m", loader, "--json").out)
@@ -281,5 +307,5 @@ methods = ["pooled"]
         said = payscope("run", log, "-m", loader)
         assert said.status == 0
         assert "yaw inertia" not in said.out
-        assert "This log can weigh: no check of the mass forbids it" in said.out
+        assert re.search(r"Log usable: \d+ checks of the mass passed", said.out)
         assert "No inertia estimate: the checks of the spins" in said.out

@@ -21,7 +21,7 @@ def test_one_line_shows_it_and_json_and_recording_hold_it_whole(
     payscope: Payscope, log: Path, machine_file: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out.rrd"
-    said = payscope("run", log, "-m", machine_file, "-o", out)
+    said = payscope("run", log, "-m", machine_file, "-o", out, "-v")
     (line,) = [line for line in said.out.splitlines() if line.startswith("fingerprint: ")]
     kept = read_recording(out)
     taken = kept.provenance.fingerprint

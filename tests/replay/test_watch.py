@@ -82,7 +82,7 @@ def test_a_change_is_replayed_a_fault_is_one_line_and_ctrl_c_ends_quietly(
     said, complained = watched.process.communicate(timeout=20)
     assert watched.process.returncode == 0
     assert "Traceback" not in complained
-    assert said.count("This log can weigh") == 3
+    assert said.count("Log usable: ") == 3
     assert read_provenance(tmp_path / "out.rrd").settings.gate.threshold_nat == 0.7
     assert not list(tmp_path.glob(".payscope-*"))
 
