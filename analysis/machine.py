@@ -12,6 +12,8 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
+    SerializerFunctionWrapHandler,
+    model_serializer,
     model_validator,
 )
 
@@ -89,18 +91,24 @@ class Body(BaseModel):
 
 
 class LogSection(BaseModel):
-    """Where a table keeps its time."""
+    """Where a table keeps its time, and how it is written. None: recognised, or asked for."""
 
     model_config = _FORBID
 
     time: str | None = None
-    time_unit: str = "s"
+    time_unit: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+    header_row: int | None = Field(None, ge=0)
+    units_row: int | None = Field(None, ge=0)
+    day_first: bool | None = None
+    rate_hz: float | None = Field(None, gt=0)
 
-    @model_validator(mode="after")
-    def _unit_of_something(self) -> Self:
-        if self.time is None and self.time_unit != "s":
-            raise ValueError("time_unit needs time, the column that it is the unit of")
-        return self
+    @model_serializer(mode="wrap")
+    def _given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What is given: keys of later versions change no machine file of an earlier one."""
+        return {name: value for name, value in handler(self).items() if value is not None}
 
 
 class Channel(BaseModel):

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from analysis.machine import Machine
+from analysis.machine import LogSection, Machine
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.settings import Settings
 from analysis.units import to_si
 from estimators.errors import MachineError
-from replay.readers import TimeAxis
+from replay.readers import TableHints, TimeAxis
 from replay.toml_file import read_toml, set_value, validate
 
 _SHIPPED = Path(__file__).parent / "machines"
@@ -74,8 +74,16 @@ def _refuse_bare(override: str) -> None:
 
 def time_axis(machine: Machine) -> TimeAxis | None:
     """Where the machine file says that tables keep their time."""
-    section = machine.log
-    return TimeAxis(section.time, section.time_unit) if section.time else None
+    return table_axis(machine.log)
+
+
+def table_axis(section: LogSection) -> TimeAxis | None:
+    """The same of the keys of `[log]`; None where none is given."""
+    given = section.model_dump()
+    time, unit = given.pop("time", None), given.pop("time_unit", None)
+    if time is None and unit is None and not given:
+        return None
+    return TimeAxis(time, unit, TableHints(**given))
 
 
 def machine_path(path: Path) -> Path:

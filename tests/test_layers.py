@@ -35,7 +35,7 @@ ORDER = (
     ("replay/decoding",),
     ("replay/writers",),
     ("replay/readers/storage",),
-    ("replay/readers/blocks",),
+    ("replay/readers/blocks", "replay/readers/tables"),
     ("replay/readers/bag", "replay/readers/mcap", "replay/readers/sqlite"),
     ("replay/readers/rosbag2",),
     ("replay/readers",),
@@ -185,7 +185,10 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
     }
     # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
     # a storage without folders, holds; `TABLE` is the one topic of a table
-    assert names == {"TABLE", "Checked", "Log", "TimeAxis", "logs_among", "logs_in", "open_log"}
+    assert names == {
+        *("TABLE", "Checked", "Log", "TableHints", "TimeAxis"),
+        *("logs_among", "logs_in", "open_log"),
+    }
 
 
 @pytest.mark.parametrize("path", FILES, ids=shown)

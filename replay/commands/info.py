@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from replay.commands.options import LogKeys, TimeColumn, TimeUnit
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -19,8 +21,9 @@ _NO_CRC: Final = "no CRC to compare"
 
 def command(
     logs: Annotated[list[Path], typer.Argument(help="Logs to describe.")],
-    time: Annotated[str | None, typer.Option(help="The time column of a table.")] = None,
-    time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
+    time: TimeColumn = None,
+    time_unit: TimeUnit = None,
+    keys: LogKeys = None,
     check: Annotated[
         bool,
         typer.Option("--check", help="Read and decode everything; exit 1 if anything is missing."),
@@ -49,7 +52,7 @@ def command(
         raise typer.BadParameter(
             f"no time zone '{timezone}'; use a name like America/Santiago or UTC"
         ) from None
-    axis = time_axis_of(time, time_unit)
+    axis = time_axis_of(time, time_unit, keys)
     described: list[object] = []
     faults: list[LogError] = []
     is_whole = True
