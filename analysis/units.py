@@ -127,4 +127,5 @@ def spelt_unit(text: str) -> str | None:
         text: `Nm`, `km/h`, `[m/s²]`, `U/min`, `dps`.
     """
     bare = text.strip().strip("[](){}<>").strip().translate(_SIGNS).replace(" ", "")
-    return _EXACT.get(bare) or _LOWER.get(bare.lower())
+    # a lone v or a is the name of a column more often than volts or amperes
+    return _EXACT.get(bare) or (_LOWER.get(bare.lower()) if len(bare) > 1 else None)

@@ -18,13 +18,21 @@ _NAMES: Final = (
     *("t", "logtime", "time", "timestamp", "timestamps", "timestamputc", "datetime", "utctime"),
     *("elapsedtime", "elapsed", "sampletime", "recordtime", "zeit", "zeitstempel", "mstoday"),
     *("sec", "secs", "seconds", "second", "millis", "milliseconds", "micros", "microseconds"),
-    *("epoch", "unixtime", "times", "timems", "timeus", "utc", "clock", "xvalue", "loctime"),
+    *("epoch", "unixtime", "times", "timems", "timeus", "utc", "xvalue"),
 )
 _DATES: Final = ("date", "day", "datum", "dateutc", "utcdate")
 _UNITS: Final = {
-    **{"mstoday": "ms", "millis": "ms", "milliseconds": "ms", "timems": "ms"},
-    **{"sec": "s", "secs": "s", "seconds": "s", "second": "s"},
-    **{"micros": "us", "microseconds": "us", "timeus": "us"},
+    "mstoday": "ms",
+    "millis": "ms",
+    "milliseconds": "ms",
+    "timems": "ms",
+    "sec": "s",
+    "secs": "s",
+    "seconds": "s",
+    "second": "s",
+    "micros": "us",
+    "microseconds": "us",
+    "timeus": "us",
 }
 #: The units of time that a header may state, in ns.
 _NS: Final = {**NS_PER_UNIT, "min": 60 * 10**9, "h": 3600 * 10**9}
@@ -81,9 +89,7 @@ class TableTimes:
             if words and sum(map(is_clock, words)) * 2 > len(words):
                 return RowTimes(*clock_times(None, text, self.day_first))
             if words and sum(is_date(word) for word in words) * 2 > len(words):
-                raise TimeError(
-                    "it holds days without a time of day; name the column of times"
-                )
+                raise TimeError("it holds days without a time of day; name the column of times")
         if self.unit in ("min", "h"):
             scaled = text.cast(pl.Float64, strict=False) * (_NS[self.unit] // 10**9)
             return RowTimes(nanoseconds(scaled, "s"), ())
@@ -124,7 +130,8 @@ def find_times(
     first = found[0]
     date = _date_beside(columns, cells, first)
     times = [
-        k for k in found
+        k
+        for k in found
         if columns[k].bare.lower() == columns[first].bare.lower()
         and columns[k].unit == columns[first].unit
     ]
@@ -143,9 +150,7 @@ def _letters(text: str) -> str:
     return re.sub(r"[^a-zäöü]", "", text.lower())
 
 
-def _candidates(
-    columns: Sequence[ColumnName], cells: Callable[[int], list[str]]
-) -> list[int]:
+def _candidates(columns: Sequence[ColumnName], cells: Callable[[int], list[str]]) -> list[int]:
     """Places of time columns, the best name first; a unit of time in the name is better."""
     ranked: list[tuple[int, int, int]] = []
     for place, column in enumerate(columns):

@@ -128,6 +128,8 @@ class CsvColumns:
             glob=False,
             encoding="utf8-lossy",
             truncate_ragged_lines=cut_long_rows,
+            # where the first row is too short
+            missing_columns="insert",
         )
 
     def _short_lines(self) -> list[int]:

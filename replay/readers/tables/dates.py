@@ -7,7 +7,20 @@ import polars as pl
 
 from replay.readers.tables.times import TimeError
 
-_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_MONTHS: Final = (
+    "jan",
+    "feb",
+    "mar",
+    "apr",
+    "may",
+    "jun",
+    "jul",
+    "aug",
+    "sep",
+    "oct",
+    "nov",
+    "dec",
+)
 _MONTH: Final = "(?i:" + "|".join(_MONTHS) + ")[a-z]*"
 _CLOCK: Final = (
     r"(?P<h>\d{1,2}):(?P<min>\d{2})(?::(?P<s>\d{2})(?:[.,:](?P<frac>\d{1,9})\d*)?)?"
@@ -84,7 +97,7 @@ def clock_times(
         return _of_day(text, first)
     part = _groups(text, pattern)
     notes: list[str] = []
-    day = _days(part, pattern, day_first, notes)
+    day = _days(part, day_first, notes)
     stamps = day * _DAY_NS + _clock_ns(part)
     if part.get_column("zone").drop_nulls().is_empty():
         notes.append("the times name no zone: they are taken as UTC")
@@ -124,9 +137,7 @@ def _clock_ns(part: pl.DataFrame) -> pl.Series:
     return part.select(seconds * 10**9 + fraction).to_series()
 
 
-def _days(
-    part: pl.DataFrame, pattern: str, day_first: bool | None, notes: list[str]
-) -> pl.Series:
+def _days(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.Series:
     """Days since 1970."""
     if "one" in part.columns:
         part = _day_and_month(part, day_first, notes)
@@ -139,9 +150,7 @@ def _days(
     return part.select(day.cast(pl.Int32).cast(pl.Int64)).to_series()
 
 
-def _day_and_month(
-    part: pl.DataFrame, day_first: bool | None, notes: list[str]
-) -> pl.DataFrame:
+def _day_and_month(part: pl.DataFrame, day_first: bool | None, notes: list[str]) -> pl.DataFrame:
     """Which of two numbers is the day: the one that exceeds 12."""
     one, two = (part.get_column(n).cast(pl.Int64, strict=False) for n in ("one", "two"))
     short = part.get_column("y").drop_nulls().str.len_chars().to_list()

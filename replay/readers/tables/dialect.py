@@ -39,8 +39,11 @@ _NUMBERLIKE: Final = re.compile(r"(?=.*\d)[\d.,;:|\t /+eE-]+")
 #: Rows that a column's kind is judged by, and the share of them that must agree.
 _ROWS: Final = 400
 _MOSTLY: Final = 0.8
-#: Data begin where so many rows that follow each other are data.
-_IN_ROW: Final = 3
+#: A short table is judged by so many rows.
+_FEW: Final = 8
+#: Data begin at a row of data of which so large a share of the next rows are data.
+_NEXT: Final = 9
+_NEXT_SHARE: Final = 2 / 3
 _COMMENT: Final = re.compile(r"^\s*(#+|%+|//)\s*")
 _TRUTHS: Final = frozenset({"true", "false"})
 
@@ -164,7 +167,7 @@ def _decided(best: list[_Reading], hints: TableHints) -> _Reading:
         sign = reading.decimal
         raise DialectError(
             f"'{sign}' may be its decimal sign or separate thousands: all its numbers have three "
-            f"digits behind it; set [log] decimal = \"{sign}\" if it is the decimal sign"
+            f'digits behind it; set [log] decimal = "{sign}" if it is the decimal sign'
         )
     return reading
 
@@ -201,7 +204,7 @@ def _readings(
     if not data:
         return
     # of the later half, or of what there is: preambles are at the beginning
-    later = data[-max(len(data) // 2, 1) :][:_ROWS]
+    later = data[-max(len(data) // 2, min(len(data) - 1, _FEW)) :][:_ROWS] or data
     width = Counter(len(row.cells) for row in later).most_common(1)[0][0]
     if width < 2:
         # short rows below a longer header
@@ -219,8 +222,10 @@ def _reading(
 ) -> _Reading | None:
     separator, decimal = signs
     fitting = [row for row in later if len(row.cells) == width] or later
-    kinds = [[_kind(row.cells[k], decimal) for row in fitting if k < len(row.cells)]
-             for k in range(width)]
+    kinds = [
+        [_kind(row.cells[k], decimal) for row in fitting if k < len(row.cells)]
+        for k in range(width)
+    ]
     numeric = [k for k, each in enumerate(kinds) if _is_numeric(each)]
     if not numeric:
         return None
@@ -230,12 +235,18 @@ def _reading(
     if odd * 5 > sum(len(each) for each in kinds):
         return None
     is_data = [
-        row.line >= below and _is_data(row.cells, numeric, width, decimal)
-        for row in rows[: _ROWS]
+        row.line >= below
+        and (len(row.cells) > 1 or row is rows[-1])
+        and _is_data(row.cells, numeric, width, decimal)
+        for row in rows[:_ROWS]
     ]
     first = next(
-        (k for k, yes in enumerate(is_data) if yes and all(is_data[k : k + _IN_ROW])),
-        next((k for k, yes in enumerate(is_data) if yes), None),
+        (
+            k
+            for k, yes in enumerate(is_data)
+            if yes and sum(n := is_data[k : k + _NEXT]) >= _NEXT_SHARE * len(n)
+        ),
+        None,
     )
     if first is None:
         return None
@@ -243,7 +254,7 @@ def _reading(
     number = _NUMBERS[decimal]
     signed = [c for c in cells if decimal in c and number.fullmatch(c)]
     thousands = sum(_THOUSANDS[decimal].fullmatch(c) is not None for c in signed)
-    few = faults < 0.02  # noqa: PLR2004 a cell in fifty may be damaged
+    few = faults < 0.02
     return _Reading(
         separator, decimal, rows, first, width, 0.0 if few else faults, len(signed), thousands
     )
@@ -266,16 +277,14 @@ def _is_numeric(kinds: Sequence[str]) -> bool:
 
 
 def _is_data(cells: Sequence[str], numeric: Sequence[int], width: int, decimal: str) -> bool:
-    if len(cells) < 2 or len(cells) > width + 1:
+    if len(cells) > width + 1:
         return False
     kinds = [_kind(cells[k], decimal) for k in numeric if k < len(cells)]
     told = [kind for kind in kinds if kind != "empty"]
     return bool(told) and sum(k in ("number", "time") for k in told) >= _MOSTLY * len(told)
 
 
-def _no_numbers(
-    lines: Sequence[str], separators: Sequence[str], hints: TableHints
-) -> Dialect:
+def _no_numbers(lines: Sequence[str], separators: Sequence[str], hints: TableHints) -> Dialect:
     """A header without data, or nothing that is a table."""
     for separator in separators:
         rows = list(_split(lines, separator))

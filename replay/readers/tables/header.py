@@ -10,7 +10,10 @@ from analysis.units import spelt_unit
 _BRACKETS: Final = re.compile(r"(?s)(?P<name>.*?)[\s_]*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
 #: "Speed / km/h", "Speed in km/h", "Speed, km/h".
 _BEHIND: Final = re.compile(r"(?s)(?P<name>.*?)(?:\s+/\s*|\s+in\s+|,\s*)(?P<unit>\S+)\s*")
+#: Words of a unit behind a name: rad_s2, N_m.
 _SUFFIX_WORDS: Final = 3
+#: Characters: "unix time" is one as well.
+_LONGEST_UNIT: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,5 +73,5 @@ def is_units(cells: Sequence[str]) -> bool:
     known = sum(spelt_unit(cell) is not None for cell in said)
     blank = sum(cell.strip("[]() ") in ("", "-", "–", "1", "bool", "none") for cell in said)
     # a unit that is not known is still short, or in brackets
-    short = sum(len(cell) <= 6 or cell[0] in "[(" for cell in said)
+    short = sum(len(cell) <= _LONGEST_UNIT or cell[0] in "[(" for cell in said)
     return known > 0 and short == len(said) and 2 * (known + blank) > len(said)

@@ -43,7 +43,7 @@ class ParquetColumns:
             self._footer = file.metadata
             return file.schema_arrow
 
-    def head(self, place: int) -> list[str]:
+    def head(self, place: int) -> list[str]:  # noqa: ARG002 as of a text
         """None: a column of a Parquet file has a type."""
         return []
 

@@ -1,4 +1,4 @@
-"""A table's text as UTF-8: what its encoding is, and a copy where polars cannot read it as it is."""
+"""A table's text as UTF-8: its encoding, and a copy where polars cannot read it as it is."""
 
 import codecs
 import re

@@ -71,7 +71,8 @@ def _unit(x: Floats, step: float, span: float) -> str:
     since_1970 = [
         unit
         for unit in possible
-        if _EPOCH_S[0] <= x[0] * NS_PER_UNIT[unit] / 1e9 and x[-1] * NS_PER_UNIT[unit] / 1e9 <= _EPOCH_S[1]
+        if _EPOCH_S[0] <= x[0] * NS_PER_UNIT[unit] / 1e9
+        and x[-1] * NS_PER_UNIT[unit] / 1e9 <= _EPOCH_S[1]
     ]
     if len(since_1970) == 1:
         return since_1970[0]
