@@ -100,10 +100,10 @@ class LogSection(BaseModel):
     separator: str | None = None
     decimal: str | None = None
     encoding: str | None = None
-    header_row: int | None = Field(None, ge=0)
-    units_row: int | None = Field(None, ge=0)
+    header_row: int | None = Field(default=None, ge=0)
+    units_row: int | None = Field(default=None, ge=0)
     day_first: bool | None = None
-    rate_hz: float | None = Field(None, gt=0)
+    rate_hz: float | None = Field(default=None, gt=0)
 
     @model_serializer(mode="wrap")
     def _given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

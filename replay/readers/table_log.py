@@ -61,6 +61,7 @@ class TableLog(Log):
         except DialectError as error:
             raise LogError(f"{path}: {error} {_WHERE}") from error
         found = self._find_times(time)
+        self._check(found)
         names = [TABLE, *(f"{TABLE}/{number}" for number in range(2, len(found) + 1))]
         self._parts = dict(zip(names, found, strict=True))
         self._stamps: dict[str, pl.Series] = {}
@@ -93,7 +94,7 @@ class TableLog(Log):
             from replay.readers.tables.excel import as_text
 
             path = as_text(path, copies)
-        columns = CsvColumns(path, self._hints, partial(self._losses.note, self.path))
+        columns = CsvColumns(path, self._hints)
         copies.callback(columns.close)
         return columns
 
@@ -119,6 +120,16 @@ class TableLog(Log):
                 "there is none, [log] rate_hz = the rows in a second"
             )
         return found
+
+    def _check(self, found: Sequence[tuple[TableTimes, list[str]]]) -> None:
+        """Look at all rows of a text once, and read its times on the way."""
+        if not isinstance(self._columns, CsvColumns):
+            return
+        times = [column for axis, _ in found for column in axis.columns]
+        try:
+            self._columns.check(times, partial(self._losses.note, self.path))
+        except BrokenBytesError as error:
+            raise LogError(f"{self.path}: not a {self._suffix} table: {error}") from error
 
     def _times(self, topic: str) -> pl.Series:
         """Log time of each row, null where it has none."""
@@ -203,6 +214,8 @@ class TableLog(Log):
         frame = pl.DataFrame(
             [times, pl.Series("header_stamp_ns", [None] * times.len(), dtype=pl.Int64), *columns]
         )
+        if start_ns is None and end_ns is None and times.null_count() == 0 and times.is_sorted():
+            return frame
         inside = pl.col("log_time_ns").is_not_null()
         if start_ns is not None:
             inside &= pl.col("log_time_ns") >= start_ns
@@ -212,7 +225,7 @@ class TableLog(Log):
 
     def _values(self, values: pl.Series) -> pl.Series:
         if isinstance(self._columns, CsvColumns):
-            return self._typed(values)
+            return self._typed(values) if values.dtype == pl.String else values
         if values.dtype.is_float() or values.dtype.is_decimal():
             return values.cast(pl.Float64)
         if values.dtype.is_integer() and values.dtype != pl.UInt64:
@@ -227,11 +240,6 @@ class TableLog(Log):
 
     def _typed(self, text: pl.Series) -> pl.Series:
         """Integers, numbers, booleans or text: the first that at least half of the cells are."""
-        # most columns are numbers without blanks around them: one pass
-        numbers = text.cast(pl.Float64, strict=False)
-        if numbers.null_count() == text.null_count() < text.len():
-            integers = text.cast(pl.Int64, strict=False)
-            return integers if integers.null_count() == text.null_count() else numbers
         text = text.str.strip_chars()
         present = text.filter(text.is_not_null() & (text != ""))
         as_integers = text.cast(pl.Int64, strict=False)
