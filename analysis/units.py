@@ -1,5 +1,6 @@
 """Any unit a person writes, converted to the SI unit of the column it fills."""
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from tokenize import TokenError
@@ -24,6 +25,11 @@ def _registry() -> Any:
     import pint
 
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+def registry() -> Any:
+    """Pint's registry of units."""
+    return _registry()
 
 
 @cache
@@ -129,3 +135,18 @@ def spelt_unit(text: str) -> str | None:
     bare = text.strip().strip("[](){}<>").strip().translate(_SIGNS).replace(" ", "")
     # a lone v or a is the name of a column more often than volts or amperes
     return _EXACT.get(bare) or (_LOWER.get(bare.lower()) if len(bare) > 1 else None)
+
+
+#: Words of a unit behind a name: rad_s2, N_m.
+_SUFFIX_WORDS: Final = 3
+
+
+def unit_behind(name: str) -> tuple[str, str | None]:
+    """A name without the unit behind it, and the unit: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
+    words = re.split(r"[_\s.]+", name)
+    for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
+        unit = spelt_unit("_".join(words[-count:]))
+        # a lone letter at the end is an axis or a side more often than tonnes
+        if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
+            return "_".join(words[:-count]), unit
+    return name, None

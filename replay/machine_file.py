@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from analysis.derive import arithmetic, unit_of
 from analysis.machine import LogSection, Machine
-from analysis.schema import CHANNEL_COLUMNS
 from analysis.settings import Settings
 from analysis.units import to_si
 from estimators.errors import MachineError
@@ -13,7 +13,6 @@ from replay.readers import TableHints, TimeAxis
 from replay.toml_file import read_toml, set_value, validate
 
 _SHIPPED = Path(__file__).parent / "machines"
-_COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
 
 def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
@@ -41,12 +40,15 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         _refuse_moved(f"--set {override}", content)
     machine = validate(path, content, Machine, MachineError)
     for name, channel in machine.channels.items():
-        if channel.unit is None:
-            continue
         try:
-            to_si(channel.unit, _COLUMNS[name].unit)
+            if channel.expression is not None:
+                arithmetic(name, machine)
+            elif channel.unit is not None:
+                to_si(channel.unit, unit_of(name))
         except MachineError as error:
-            raise MachineError(f"{path}: channels.{name}: {error}") from error
+            said = str(error)
+            where = "" if said.startswith("channels.") else f"channels.{name}: "
+            raise MachineError(f"{path}: {where}{said}") from error
     return machine
 
 

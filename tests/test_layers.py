@@ -19,6 +19,7 @@ HOUSE = ("estimators", "analysis", "recordings", "replay")
 #: Folders import their own files and folders in lines above their own, none beside them.
 ORDER = (
     ("estimators",),
+    ("analysis/expressions",),
     ("analysis",),
     ("analysis/simulation", "analysis/weighing"),
     ("analysis/turning",),

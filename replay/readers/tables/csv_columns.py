@@ -148,7 +148,9 @@ class CsvColumns:
     def _scan(self, types: Mapping[str, pl.DataType]) -> pl.LazyFrame:
         # text where a decimal comma, or a quoted cell, may be a fault that polars reads otherwise
         plain = self._dialect.decimal == "."
-        schema = {name: types.get(name, pl.String()) if plain else pl.String() for name in self.names}
+        schema = {
+            name: types.get(name, pl.String()) if plain else pl.String() for name in self.names
+        }
         tail = [_TAIL] if self._dialect.has_tail else []
         return pl.scan_csv(
             self._text.path,

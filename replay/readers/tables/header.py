@@ -5,13 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from analysis.units import spelt_unit
+from analysis.units import spelt_unit, unit_behind
 
 _BRACKETS: Final = re.compile(r"(?s)(?P<name>.*?)[\s_]*[\[({<](?P<unit>[^\[\](){}<>]*)[\])}>]\s*")
 #: "Speed / km/h", "Speed in km/h", "Speed, km/h".
 _BEHIND: Final = re.compile(r"(?s)(?P<name>.*?)(?:\s+/\s*|\s+in\s+|,\s*)(?P<unit>\S+)\s*")
-#: Words of a unit behind a name: rad_s2, N_m.
-_SUFFIX_WORDS: Final = 3
 #: Characters: "unix time" is one as well.
 _LONGEST_UNIT: Final = 12
 
@@ -57,14 +55,7 @@ def split_unit(name: str) -> tuple[str, str | None]:
         unit = spelt_unit(match["unit"]) if match and match["name"] else None
         if match and unit:
             return match["name"].strip(), unit
-    words = re.split(r"[_\s.]+", name)
-    for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
-        # km_h is km/h, N_m is Nm, m_s2 is m/s2: the table of spellings has them
-        unit = spelt_unit("_".join(words[-count:]))
-        # a lone letter at the end is an axis or a side more often than tonnes or metres
-        if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
-            return "_".join(words[:-count]), unit
-    return name, None
+    return unit_behind(name)
 
 
 def is_units(cells: Sequence[str]) -> bool:
