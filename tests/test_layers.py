@@ -40,7 +40,7 @@ ORDER = (
     ("replay/readers/bag", "replay/readers/mcap", "replay/readers/sqlite"),
     ("replay/readers/rosbag2",),
     ("replay/readers",),
-    ("replay/frames",),
+    ("replay/frames", "replay/recognise"),
     ("replay",),
     ("replay/fleet",),
     ("replay/commands",),

@@ -28,6 +28,10 @@ def command(
         bool,
         typer.Option("--check", help="Read and decode everything; exit 1 if anything is missing."),
     ] = False,
+    fields: Annotated[
+        bool,
+        typer.Option("--fields", help="Describe every field of messages too: reads all of them."),
+    ] = False,
     timezone: Annotated[str, typer.Option(help="The time zone of the times shown.")] = "UTC",
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
 ) -> None:
@@ -62,7 +66,7 @@ def command(
                 open_log(path, time=axis) as log,
                 Stages(1) if check else nullcontext(),
             ):
-                shown = describe(log, check=check)
+                shown = describe(log, check=check, fields=fields)
         except LogError as error:
             # the other logs are still worth describing
             faults.append(error)
@@ -90,6 +94,10 @@ def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
     for line in _head(info, zone):
         print_line(screen, line)
     print_table(screen, _topic_table(info))
+    if info.fields:
+        print_table(screen, _field_table(info))
+    for note in info.notes:
+        print_line(screen, f"note: {note}")
     for mark, line in _verdict(info):
         print_line(screen, line, mark)
     for line in _troubles(info):
@@ -158,6 +166,26 @@ def _topic_table(info: "LogInfo") -> "Table":
             _number(row["rate_hz"]),
             _number(row["longest_gap_s"]),
         )
+    return table
+
+
+def _field_table(info: "LogInfo") -> "Table":
+    from rich.markup import escape
+    from rich.table import Table
+
+    from estimators.errors import one_line
+
+    several = len({each.topic for each in info.fields}) > 1
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("field", overflow="fold")
+    table.add_column("unit", no_wrap=True)
+    for title in ("Hz", "min", "median", "max"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("course", no_wrap=True)
+    for each in info.fields:
+        name = f"{each.topic} {each.field}" if several else each.field
+        numbers = (each.rate_hz, each.low, each.middle, each.high)
+        table.add_row(escape(one_line(name)), each.unit or "–", *map(_number, numbers), each.course)
     return table
 
 
