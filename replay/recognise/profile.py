@@ -52,8 +52,14 @@ class FieldProfile:
     def to_dict(self) -> dict[str, Any]:
         """The same as plain JSON values, without the drawing."""
         return {
-            **{name: getattr(self, name) for name in ("topic", "field", "unit", "rate_hz")},
-            **{"count": self.count, "min": self.low, "median": self.middle, "max": self.high},
+            "topic": self.topic,
+            "field": self.field,
+            "unit": self.unit,
+            "rate_hz": self.rate_hz,
+            "count": self.count,
+            "min": self.low,
+            "median": self.middle,
+            "max": self.high,
         }
 
 

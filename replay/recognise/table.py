@@ -1,8 +1,8 @@
 """Channels that a table's columns fill, each with its reason, and what has to be asked.
 
-A column is proposed where its name says which quantity it is and its unit fits; how it goes with the
-others is said beside it, and decides between two of one name. What the answer needs and no column
-tells is a question: the gear, the radius, the side, the sign.
+A column is proposed where its name says which quantity it is and its unit fits; how it goes with
+the others is said beside it. What the answer needs and no column tells is a question: the gear,
+the radius, the side, the sign.
 """
 
 from collections.abc import Sequence
@@ -209,7 +209,7 @@ def _not_si(unit: str | None, name: str) -> str | None:
 
 
 def _motors(columns: Sequence[_Column], found: Recognised, taken: set[str]) -> None:
-    """A motor's torque, current and revolutions become force and speed by a gear that is asked for."""
+    """A motor's torque, current and revolutions are force and speed by a gear that is asked for."""
     has_force = "force_x_N" in taken or {"torque_left_N_m", "torque_right_N_m"} <= taken
     source = next(
         (

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 #: Beginnings of words of a name, by quantity; the first that fits.
@@ -51,7 +52,7 @@ def meaning(name: str) -> Meaning:
     """
     spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", name)
     words = [word for word in re.split(r"[^A-Za-zäöüÄÖÜ]+", spaced.lower()) if word]
-    joined = ["".join(pair) for pair in zip(words, words[1:], strict=False)]
+    joined = ["".join(pair) for pair in pairwise(words)]
     quantity = next(
         (
             quantity

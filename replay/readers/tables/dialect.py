@@ -365,6 +365,12 @@ def _rows_of_names(
     wide = [row for row in above if _fits(row, width) and row != stated]
     if not wide:
         return None, stated
+    if hints.units_row is None and stated is None and len(wide) > 2:
+        # below the units may stand a row of types
+        (*_, third, second, first) = wide
+        together = first.line - third.line <= 2
+        if together and is_units(second.cells) and not is_units(first.cells + third.cells):
+            return third, second
     last, before = wide[-1], wide[-2] if len(wide) > 1 else None
     if stated is not None or hints.units_row == 0 or before is None:
         return last, stated
