@@ -111,6 +111,7 @@ class LogSection(BaseModel):
     units_row: int | None = Field(default=None, ge=0)
     day_first: bool | None = None
     rate_hz: float | None = Field(default=None, gt=0)
+    sheet: str | None = None
 
     @model_serializer(mode="wrap")
     def _given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from analysis.schema import CHANNEL_COLUMNS
 from replay.guess_mounting import mounting_lines
 from replay.readers import TABLE, Log, TimeAxis
 from replay.recognise.profile import FieldProfile, profiles
-from replay.recognise.table import Proposal, Recognised, recognise
+from replay.recognise.table import ChannelProposal, Recognised, recognise
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
@@ -138,7 +138,7 @@ def _recognised(told: Recognised) -> list[Guess]:
     ]
 
 
-def _comment_lines(proposal: Proposal) -> list[str]:
+def _comment_lines(proposal: ChannelProposal) -> list[str]:
     """A channel that needs what no column tells, to be completed."""
     lines = [f"[channels.{proposal.column}]"]
     if proposal.topic:

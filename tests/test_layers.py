@@ -70,6 +70,7 @@ OWNERS = {
     "typer": "replay",
     "ray": "replay",
     "obstore": "replay",
+    "python_calamine": "replay",
 }
 FILES = [path for package in HOUSE for path in sorted((REPO / package).rglob("*.py"))]
 

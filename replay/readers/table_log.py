@@ -93,7 +93,7 @@ class TableLog(Log):
         if self._suffix == "xlsx":
             from replay.readers.tables.excel import as_text
 
-            path = as_text(path, copies)
+            path = as_text(path, self._hints.sheet, copies)
         columns = CsvColumns(path, self._hints)
         copies.callback(columns.close)
         return columns

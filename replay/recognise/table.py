@@ -38,7 +38,7 @@ _SIGN: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Proposal:
+class ChannelProposal:
     """A channel of a draft.
 
     Attributes:
@@ -64,7 +64,7 @@ class Proposal:
 class Recognised:
     """Channels, and questions in the order of need."""
 
-    channels: list[Proposal] = field(default_factory=list)
+    channels: list[ChannelProposal] = field(default_factory=list)
     questions: list[str] = field(default_factory=list)
 
 
@@ -93,7 +93,7 @@ def recognise(log: Log) -> Recognised:
         taken.add(name)
         unit = unit if unit is not None else column.unit
         found.channels.append(
-            Proposal(name, column.topic, column.field, _not_si(unit, name), reason)
+            ChannelProposal(name, column.topic, column.field, _not_si(unit, name), reason)
         )
 
     for column in columns:
@@ -229,11 +229,11 @@ def _motors(columns: Sequence[_Column], found: Recognised, taken: set[str]) -> N
         column, name, factor = source
         reason = f"{column.field}: at the motor; needs the gear"
         found.channels.append(
-            Proposal(name, column.topic, column.field, column.unit, reason, is_comment=True)
+            ChannelProposal(name, column.topic, column.field, column.unit, reason, is_comment=True)
         )
         derive = f"{name}{factor} * GEAR / wheel_radius_m"
         found.channels.append(
-            Proposal("force_x_N", None, None, None, reason, derive, is_comment=True)
+            ChannelProposal("force_x_N", None, None, None, reason, derive, is_comment=True)
         )
         found.questions.append(_GEAR.format("force_x_N"))
         if factor:
@@ -249,11 +249,11 @@ def _motors(columns: Sequence[_Column], found: Recognised, taken: set[str]) -> N
     pairs = " / POLE_PAIRS" if turns.said.quantity == "erpm" else ""
     reason = f"{turns.field}: revolutions; needs the gear" + (" and pole pairs" if pairs else "")
     found.channels.append(
-        Proposal("motor_rpm", turns.topic, turns.field, None, reason, is_comment=True)
+        ChannelProposal("motor_rpm", turns.topic, turns.field, None, reason, is_comment=True)
     )
     derive = f"motor_rpm{pairs} / GEAR * wheel_radius_m"
     found.channels.append(
-        Proposal("speed_x_m_s", None, None, None, reason, derive, is_comment=True)
+        ChannelProposal("speed_x_m_s", None, None, None, reason, derive, is_comment=True)
     )
     found.questions.append(_GEAR.format("speed_x_m_s"))
     if pairs:
@@ -281,7 +281,7 @@ def _without_unit(columns: Sequence[_Column], found: Recognised, taken: set[str]
             continue
         reason = f"{column.field}: its unit is not stated"
         found.channels.append(
-            Proposal(name, column.topic, column.field, "?", reason, is_comment=True)
+            ChannelProposal(name, column.topic, column.field, "?", reason, is_comment=True)
         )
         found.questions.append(f"the unit of '{column.field}', in channels.{name}.unit")
 
@@ -300,7 +300,7 @@ def _with_slopes(log: Log, found: Recognised) -> Recognised:
     speed = by_name.get("speed_x_m_s") or by_name.get("speed_left_m_s") or by_name.get("motor_rpm")
     if speed is None:
         return found
-    channels: list[Proposal] = []
+    channels: list[ChannelProposal] = []
     for each in found.channels:
         is_force = each.column.startswith(("force", "torque", "motor_torque", "motor_current"))
         is_acceleration = each.column.startswith(("specific_force_x", "acc_x"))
@@ -312,7 +312,7 @@ def _with_slopes(log: Log, found: Recognised) -> Recognised:
             continue
         reason = f"{each.reason}; goes with the change of {speed.field}, {goes:.2f}"
         channels.append(
-            Proposal(
+            ChannelProposal(
                 each.column, each.topic, each.field, each.unit, reason, each.derive, each.is_comment
             )
         )
@@ -323,7 +323,7 @@ def _with_slopes(log: Log, found: Recognised) -> Recognised:
     return found
 
 
-def _correlation(log: Log, one: Proposal, speed: Proposal) -> float | None:
+def _correlation(log: Log, one: ChannelProposal, speed: ChannelProposal) -> float | None:
     """Correlation of a column with the slope of the speed; None where there is none."""
     assert one.field is not None
     assert speed.field is not None

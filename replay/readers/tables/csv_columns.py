@@ -56,6 +56,7 @@ class CsvColumns:
         self.names = self._dialect.names
         self.notes = (*self._text.notes, *self._dialect.notes)
         self.rows = 0
+        self._height: int | None = None
         self._kept: dict[str, pl.Series] = {}
         self._types = {
             name: _kind(some_cells(self._dialect, place)) for place, name in enumerate(self.names)
@@ -128,18 +129,29 @@ class CsvColumns:
     def _read(self, names: Sequence[str], *others: pl.Expr) -> dict[str, pl.Series]:
         """Columns in a pass; a second one reads those as text that hold more than numbers."""
         frame = _collected(self._scan(self._types).select(*names, *others))
+        self._check_height(frame)
         found = {series.name: series for series in frame.get_columns()}
         text = [n for n in names if found[n].dtype.is_numeric() and found[n].null_count()]
         if text:
             # an empty cell, or a fault: only the text tells
             self._types.update(dict.fromkeys(text, pl.String()))
-            found |= {s.name: s for s in _collected(self._scan({}).select(text)).get_columns()}
+            again = _collected(self._scan({}).select(text))
+            self._check_height(again)
+            found |= {series.name: series for series in again.get_columns()}
         if self._dialect.decimal == ",":
             found = {
                 name: column.str.replace(_COMMA, "$1.$2") if column.dtype == pl.String else column
                 for name, column in found.items()
             }
         return found
+
+    def _check_height(self, frame: pl.DataFrame) -> None:
+        """Where a quote is not closed, polars finds other rows in other columns."""
+        self._height = frame.height if self._height is None else self._height
+        if frame.height != self._height:
+            raise BrokenBytesError(
+                "a quote is opened and not closed: its rows cannot be told apart"
+            )
 
     @property
     def _separator(self) -> str:

@@ -15,6 +15,7 @@ class TableHints:
         units_row: line of the units, from 1; 0 where there are none.
         day_first: whether 03/04/2026 is the third of April.
         rate_hz: of the rows, where the table has no time.
+        sheet: of an Excel file.
     """
 
     separator: str | None = None
@@ -24,6 +25,7 @@ class TableHints:
     units_row: int | None = None
     day_first: bool | None = None
     rate_hz: float | None = None
+    sheet: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
