@@ -62,7 +62,7 @@ def responses(axis: tuple[str, ...], machine: Machine) -> list[ColumnResponse]:
         else name
         for name in axis
     ]
-    filtered = any(channel.derivative_of for channel in channels.values())
+    filtered = any(channel.differentiates for channel in channels.values())
     cutoff = machine.settings.filter.cutoff_hz / machine.settings.align.rate_hz
     found: list[ColumnResponse] = []
     for name in names:

@@ -6,12 +6,22 @@ import numpy as np
 import polars as pl
 
 from analysis import filters, mounting
-from analysis.machine import Channel, Machine
+from analysis.expressions.dimensions import in_si, told
+from analysis.expressions.parse import (
+    SLOPE,
+    Expression,
+    ExpressionError,
+    Name,
+    names,
+    slopes,
+)
+from analysis.expressions.values import NEAR_ZERO, evaluate
+from analysis.machine import BODY_NUMBERS, Channel, Machine
 from analysis.run import Loss
 from analysis.schema import CHANNEL_COLUMNS, HINTS
 from analysis.settings import AlignSettings, Settings
-from analysis.units import to_si
-from estimators.errors import DataError
+from analysis.units import registry, to_si, unit_behind
+from estimators.errors import DataError, MachineError
 
 _SI = {column.name: column.unit for column in CHANNEL_COLUMNS}
 #: Angles and places are not in the regressor, so they are not filtered with it.
@@ -43,7 +53,7 @@ def derive(
     """
     settings = machine.settings
     notes: list[str] = []
-    filtering = any(channel.derivative_of for channel in machine.channels.values())
+    filtering = any(channel.differentiates for channel in machine.channels.values())
     picked = _low_passed(read, settings, notes) if filtering else dict(read)
 
     series = mounting.to_machine_axes(picked, machine.machine.imu, settings.align)
@@ -56,9 +66,13 @@ def derive(
         elif channel.mean_of:
             first, second = channel.mean_of
             t, x = _mean(series[first], series[second], settings.align)
+        elif channel.expression is not None:
+            t, x = _arithmetic(name, series, machine, notes)
         else:
             continue
         series[name] = _filled(name, t, x * channel.scale + channel.offset)
+    # what arithmetic alone needed
+    series = {name: each for name, each in series.items() if name in _SI}
     t, speed = series["speed_x_m_s"]
     # the sign of a standing machine's noise is a regressor of pure noise
     moves = np.abs(speed) > settings.forces.direction_deadband_m_s
@@ -68,6 +82,78 @@ def derive(
         for name, known_ns in _known(read, picked, series, machine).items():
             frames[name] = frames[name].with_columns(known_ns=known_ns)
     return frames, notes
+
+
+def arithmetic(name: str, machine: Machine) -> Expression:
+    """The arithmetic that derives a channel, in SI units.
+
+    Raises:
+        MachineError: units that do not fit, with both sides.
+    """
+    tree = machine.channels[name].expression
+    assert tree is not None
+    try:
+        units = {each: unit_of(each) for each in names(tree)}
+        found, dimension = in_si(tree, units, registry())
+        _, wanted = in_si(Name(name), {name: unit_of(name)}, registry())
+    except (ExpressionError, MachineError) as error:
+        raise MachineError(f"channels.{name}: {error}") from None
+    if dimension != wanted:
+        raise MachineError(
+            f"channels.{name} is {told(wanted)}, '{machine.channels[name].derive}' is "
+            f"{told(dimension)}: multiply or divide by a constant with its unit in brackets, "
+            "as 0.35 [m]"
+        )
+    return found
+
+
+def unit_of(name: str) -> str:
+    """The unit of a channel or of a key of `[machine]`, which its name ends in.
+
+    Raises:
+        MachineError: it ends in none.
+    """
+    if name in _SI:
+        return "" if _SI[name] == "1" else _SI[name]
+    _, unit = unit_behind(name)
+    if unit is None and name not in BODY_NUMBERS and not name.endswith("_1"):
+        raise MachineError(
+            f"'{name}' does not end in its unit; call it {name}_A, or {name}_1 for a pure number"
+        )
+    return unit or ""
+
+
+def _arithmetic(
+    name: str, series: Mapping[str, mounting.Series], machine: Machine, notes: list[str]
+) -> mounting.Series:
+    """A channel from others, at the stamps of the slowest, the others on the line between theirs.
+
+    Samples that have no value are left out, as where a divisor is near zero.
+    """
+    tree, settings = arithmetic(name, machine), machine.settings
+    own = {each: series[each] for each in names(tree) if each not in BODY_NUMBERS}
+    for each in slopes(tree):
+        t, x = series[each]
+        longest_ns = filters.longest_step_ns(t, settings.align)
+        own[f"{SLOPE} {each}"] = filters.derivative(t, x, longest_ns, causal=settings.filter.causal)
+    at = max((t for t, _ in own.values()), key=lambda t: (filters.period_ns(t), -t.size))
+    values = {
+        each: filters.interpolate(t, x, at, filters.longest_step_ns(t, settings.align))
+        if not np.array_equal(t, at)
+        else x
+        for each, (t, x) in own.items()
+    }
+    for each in BODY_NUMBERS:
+        number = getattr(machine.machine, each)
+        values[each] = np.full(at.size, np.nan if number is None else number)
+    x, near_zero = evaluate(tree, values, at.size)
+    if near_zero:
+        notes.append(
+            f"{name}: {near_zero:,} of {at.size:,} samples divide by nearly nothing (below "
+            f"{NEAR_ZERO:.0%} of the divisor's range): they are left out"
+        )
+    known = np.isfinite(x)
+    return at[known], x[known]
 
 
 def measured(
@@ -140,7 +226,7 @@ def _pick(
 ) -> tuple[filters.Ints, filters.Floats]:
     """A field in SI units."""
     field = str(channel.field)
-    gain, offset = to_si(channel.unit, _SI[name]) if channel.unit else (1.0, 0.0)
+    gain, offset = to_si(channel.unit, unit_of(name)) if channel.unit else (1.0, 0.0)
     with np.errstate(over="ignore"):  # what does not fit is no reading
         x = _numbers(name, channel, field, frame) * channel.scale + channel.offset
         x = x * gain + offset
@@ -170,7 +256,7 @@ def _usable(
     if not finite.any():
         raise DataError(f"{name}: {where} holds no number in {x.size} samples")
     told = finite & (np.abs(x) <= _LARGEST_SI)
-    limit = f"beyond {_LARGEST_SI:g} {_SI[name]}, which is no reading"
+    limit = f"beyond {_LARGEST_SI:g} {unit_of(name)}, which is no reading"
     if not told.any():
         raise DataError(f"{name}: {where} holds nothing but numbers {limit}: check its unit, scale")
     for left_out, why in ((~finite, "missing or not finite"), (finite & ~told, limit)):

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from datetime import date
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Final, Self
 from zoneinfo import ZoneInfo, available_timezones
 
 from pydantic import (
@@ -12,9 +12,12 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
+    SerializerFunctionWrapHandler,
+    model_serializer,
     model_validator,
 )
 
+from analysis.expressions.parse import Expression, ExpressionError, names, parse, slopes
 from analysis.schema import CHANNEL_COLUMNS
 from analysis.settings import Settings
 from estimators.errors import nearest
@@ -88,19 +91,32 @@ class Body(BaseModel):
         return ZoneInfo(self.timezone)
 
 
+#: Keys of `[machine]` that arithmetic may name.
+BODY_NUMBERS: Final = (
+    *("wheel_radius_m", "track_width_m", "gravity_m_s2", "force_share", "empty_mass_kg"),
+)
+
+
 class LogSection(BaseModel):
-    """Where a table keeps its time."""
+    """Where a table keeps its time, and how it is written. None: recognised, or asked for."""
 
     model_config = _FORBID
 
     time: str | None = None
-    time_unit: str = "s"
+    time_unit: str | None = None
+    separator: str | None = None
+    decimal: str | None = None
+    encoding: str | None = None
+    header_row: int | None = Field(default=None, ge=0)
+    units_row: int | None = Field(default=None, ge=0)
+    day_first: bool | None = None
+    rate_hz: float | None = Field(default=None, gt=0)
+    sheet: str | None = None
 
-    @model_validator(mode="after")
-    def _unit_of_something(self) -> Self:
-        if self.time is None and self.time_unit != "s":
-            raise ValueError("time_unit needs time, the column that it is the unit of")
-        return self
+    @model_serializer(mode="wrap")
+    def _given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """What is given: keys of later versions change no machine file of an earlier one."""
+        return {name: value for name, value in handler(self).items() if value is not None}
 
 
 class Channel(BaseModel):
@@ -135,6 +151,19 @@ class Channel(BaseModel):
         return (match[1], match[2]) if match else None
 
     @property
+    def expression(self) -> Expression | None:
+        """The arithmetic of `derive = "torque_N_m / 0.35 [m]"`; None where it is another form."""
+        if self.derive is None or self.derivative_of or self.mean_of or self.angle_of:
+            return None
+        return parse(self.derive.strip())
+
+    @property
+    def differentiates(self) -> bool:
+        """Whether it is made by a derivative."""
+        tree = self.expression if self.derive and not self.derivative_of else None
+        return self.derivative_of is not None or (tree is not None and any(slopes(tree)))
+
+    @property
     def fields(self) -> tuple[str, ...]:
         """The fields that are read from its topic; none where it is made of other channels."""
         if self.angle_of:
@@ -144,6 +173,8 @@ class Channel(BaseModel):
     @property
     def sources(self) -> tuple[str, ...]:
         """The channels that this one is derived from."""
+        if self.expression is not None:
+            return tuple(dict.fromkeys(n for n in names(self.expression) if n not in BODY_NUMBERS))
         return self.mean_of or ((self.derivative_of,) if self.derivative_of else ())
 
     @model_validator(mode="after")
@@ -154,9 +185,14 @@ class Channel(BaseModel):
             if self.unit is not None or self.scale != 1.0 or self.offset:
                 raise ValueError("an angle of a quaternion takes no 'unit', 'scale' or 'offset'")
             return self
-        if self.derive is not None and not self.sources:
+        try:
+            sources = self.sources
+        except ExpressionError as error:
+            raise ValueError(f"cannot derive '{self.derive}': {error}") from None
+        if self.derive is not None and not sources:
             raise ValueError(
                 f'cannot derive \'{self.derive}\'; use "d/dt NAME", "mean(NAME, NAME)", '
+                'arithmetic as "torque_N_m / 0.35 [m]", '
                 'or "pitch(FIELD)" and "roll(FIELD)" of a quaternion'
             )
         if self.derive is not None and (self.topic is not None or self.unit is not None):
@@ -198,6 +234,20 @@ class Machine(BaseModel):
     def _channels_fit(self) -> Self:
         known = {column.name for column in CHANNEL_COLUMNS}
         for name, channel in self.channels.items():
+            for source in channel.sources:
+                if source not in self.channels and channel.expression is not None:
+                    raise ValueError(
+                        f"channels.{name}: '{source}' is no channel and no key of [machine]; "
+                        f"{nearest(source, (*self.channels, *BODY_NUMBERS))}"
+                    )
+        # what arithmetic alone needs has a name of its own: current_A
+        known |= {
+            source
+            for channel in self.channels.values()
+            if channel.expression is not None
+            for source in channel.sources
+        }
+        for name, channel in self.channels.items():
             if name not in known:
                 raise ValueError(f"channels.{name}: no such column; {nearest(name, known)}")
             if channel.angle_of and name != f"{channel.angle_of[0]}_rad":
@@ -205,6 +255,9 @@ class Machine(BaseModel):
             for source in channel.sources:
                 if source not in self.channels:
                     raise ValueError(f"channels.{name}: '{source}' is not among the channels")
+            for key in names(channel.expression) if channel.expression is not None else ():
+                if key in BODY_NUMBERS and getattr(self.machine, key) is None:
+                    raise ValueError(f"channels.{name}: machine.{key} is not given")
         self.derivation_order()
         self._enough()
         self._one_wheel_radius()

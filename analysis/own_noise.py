@@ -58,7 +58,7 @@ def hidden(
     rate_hz, cutoff_hz = machine.settings.align.rate_hz, machine.settings.filter.cutoff_hz
     causal = machine.settings.filter.causal
     own_hz = {name: 1e9 / rates.mean_period_ns(t, 1e9 / PAPER_HZ) for name, (t, _) in read.items()}
-    derived = any(channel.derivative_of for channel in machine.channels.values())
+    derived = any(channel.differentiates for channel in machine.channels.values())
 
     def of(names: Iterable[str]) -> list[float]:
         made_of = frozenset[str]().union(*(rates.sources(name, machine) for name in names))

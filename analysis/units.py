@@ -1,8 +1,10 @@
 """Any unit a person writes, converted to the SI unit of the column it fills."""
 
+import re
+from collections.abc import Mapping
 from functools import cache
 from tokenize import TokenError
-from typing import Any
+from typing import Any, Final
 
 from estimators.errors import MachineError
 
@@ -25,6 +27,11 @@ def _registry() -> Any:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
+def registry() -> Any:
+    """Pint's registry of units."""
+    return _registry()
+
+
 @cache
 def to_si(unit: str, si: str) -> tuple[float, float]:
     """Gain and offset that turn a number in `unit` into one in `si` (as the schema writes it).
@@ -45,3 +52,101 @@ def to_si(unit: str, si: str) -> tuple[float, float]:
             f"no unit {unit!r}; write for example 'km/h', 'deg/s' or 'kN'"
         ) from error
     return float(one - zero), float(zero)
+
+
+#: How people write units beside their numbers, by pint's name of each.
+_SPELLINGS: Final[Mapping[str, str]] = {
+    "m/s": "m/s m/sec mps m_s m*s^-1 ms-1",
+    "km/h": "km/h kmh kph km/hr kmph km_h",
+    "mph": "mph mi/h",
+    "knot": "kn knot knots kt kts",
+    "ft/s": "ft/s fps",
+    "mm/s": "mm/s mm_s",
+    "cm/s": "cm/s cm_s",
+    "m/min": "m/min",
+    "m/s**2": "m/s2 m/s^2 m/s/s m/sec2 m/sec^2 mps2 m_s2 m/s**2 m*s^-2 ms-2",
+    "standard_gravity": "g G g_n gee g's gs",
+    "rad/s": "rad/s rad_s rad/sec rads",
+    "deg/s": "deg/s deg_s dps °/s degree/s degrees/s deg/sec °/sec",
+    "rpm": "rpm 1/min u/min r/min min-1 min^-1 rev/min tr/min 1_min",
+    "rad/s**2": "rad/s2 rad/s^2 rad_s2",
+    "rad": "rad radian radians",
+    "deg": "deg ° degree degrees grad",
+    "N": "N newton newtons",
+    "kN": "kN",
+    "daN": "daN",
+    "lbf": "lbf",
+    "kgf": "kgf",
+    "N*m": "Nm N*m N-m N.m N_m newton-meter newtonmeter",
+    "kN*m": "kNm kN*m kN-m kN_m",
+    "mN*m": "mNm mN*m",
+    "ft*lbf": "ft-lb ft*lb ft*lbf ftlb lb-ft lb*ft lbft lbf*ft lbf-ft ft-lbf",
+    "W": "W watt watts",
+    "kW": "kW",
+    "horsepower": "hp",
+    "metric_horsepower": "PS",
+    "A": "A amp amps ampere",
+    "mA": "mA",
+    "V": "V volt volts",
+    "mV": "mV",
+    "kV": "kV",
+    "bar": "bar bars",
+    "mbar": "mbar",
+    "Pa": "Pa",
+    "kPa": "kPa",
+    "MPa": "MPa",
+    "psi": "psi",
+    "degC": "°C degC celsius C",
+    "percent": "% percent pct",
+    "m": "m meter meters metre metres",
+    "mm": "mm",
+    "cm": "cm",
+    "km": "km",
+    "ft": "ft feet",
+    "s": "s sec secs second seconds",
+    "ms": "ms msec msecs millisecond milliseconds",
+    "us": "us µs usec usecs microsecond microseconds",
+    "ns": "ns nsec nsecs nanosecond nanoseconds",
+    "min": "min minute minutes",
+    "h": "h hr hour hours",
+    "Hz": "Hz hertz",
+    "kHz": "kHz",
+    "kg": "kg",
+    "t": "t ton tonne tonnes",
+}
+_EXACT: Final = {each: unit for unit, text in _SPELLINGS.items() for each in text.split()}
+#: Without capitals where no two units are told apart by them.
+_LOWER: Final[Mapping[str, str]] = {
+    each.lower(): unit
+    for each, unit in _EXACT.items()
+    if len({u for e, u in _EXACT.items() if e.lower() == each.lower()}) == 1
+}
+_SIGNS: Final = str.maketrans(
+    {"·": "*", "⋅": "*", "×": "*", "²": "^2", "μ": "µ", "º": "°", "⁻": "-", "¹": "1"}
+)
+
+
+def spelt_unit(text: str) -> str | None:
+    """The unit that a person wrote, as pint calls it; None where it is no unit that is known.
+
+    Args:
+        text: `Nm`, `km/h`, `[m/s²]`, `U/min`, `dps`.
+    """
+    bare = text.strip().strip("[](){}<>").strip().translate(_SIGNS).replace(" ", "")
+    # a lone v or a is the name of a column more often than volts or amperes
+    return _EXACT.get(bare) or (_LOWER.get(bare.lower()) if len(bare) > 1 else None)
+
+
+#: Words of a unit behind a name: rad_s2, N_m.
+_SUFFIX_WORDS: Final = 3
+
+
+def unit_behind(name: str) -> tuple[str, str | None]:
+    """A name without the unit behind it, and the unit: `speed_kmh`, `left_Mz_Nm`, `motor_rpm`."""
+    words = re.split(r"[_\s.]+", name)
+    for count in range(min(_SUFFIX_WORDS, len(words) - 1), 0, -1):
+        unit = spelt_unit("_".join(words[-count:]))
+        # a lone letter at the end is an axis or a side more often than tonnes
+        if unit and (count > 1 or len(words[-1]) > 1 or words[-1] in "sNAVWmg"):
+            return "_".join(words[:-count]), unit
+    return name, None

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ from analysis.run import Loss
 from estimators.errors import LogError, OutputError, PayscopeError
 from replay.inputs import channel_fields, input_files, versions
 from replay.machine_file import time_axis
-from replay.readers import TABLE, Checked, Log, TimeAxis, open_log
+from replay.readers import TABLE, Checked, Log, TableHints, TimeAxis, open_log
 
 #: Hidden beside what is made of the logs.
 FOLDER: Final = ".decoded"
@@ -45,6 +46,7 @@ class _About(BaseModel):
     stages: dict[str, str]
     fields: dict[str, tuple[str, ...]]
     losses: tuple[Loss, ...]
+    notes: tuple[str, ...] = ()
 
 
 class DecodedLog(Log):
@@ -98,6 +100,10 @@ class DecodedLog(Log):
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read."""
         return self._about.losses
+
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of how the log is written."""
+        return self._about.notes
 
     def check(self) -> Checked:
         """Check the log itself."""
@@ -168,6 +174,7 @@ def decode(log: Log, fields: Mapping[str, Sequence[str]], place: Path) -> None:
             stages=stages,
             fields={topic: tuple(names) for topic, names in fields.items()},
             losses=log.losses(),
+            notes=log.notes(),
         )
         (begun / _ABOUT).write_text(about.model_dump_json(), encoding="utf-8")
         if not place.is_dir():  # what another process made meanwhile is the same
@@ -184,7 +191,7 @@ def _by_process(
     """Decode by a process that has this log alone in its memory, and ends with it."""
     asked = {
         "path": str(log.path),
-        "time": None if time is None else [time.column, time.unit],
+        "time": _plain(time),
         "fields": fields,
         "place": str(place),
     }
@@ -217,10 +224,15 @@ def _key(log: Log, fields: Mapping[str, Sequence[str]], time: TimeAxis | None) -
     whole: dict[str, Any] = {
         "files": [(each.name, each.sha256) for each in input_files(log)],
         "fields": fields,
-        "time": None if time is None else [time.column, time.unit],
+        "time": _plain(time),
         "versions": versions(),
     }
     return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def _plain(time: TimeAxis | None) -> list[Any] | None:
+    """Where a table keeps its time, as JSON has it."""
+    return None if time is None else [time.column, time.unit, asdict(time.table)]
 
 
 def _size(log: Log) -> int:
@@ -237,7 +249,10 @@ def _sweep(folder: Path, used: set[str]) -> None:
 def main() -> int:
     """Decode the log that is asked for on the standard input."""
     asked = json.load(sys.stdin)
-    time = None if asked["time"] is None else TimeAxis(*asked["time"])
+    time: TimeAxis | None = None
+    if asked["time"] is not None:
+        column, unit, table = asked["time"]
+        time = TimeAxis(column, unit, TableHints(**table))
     try:
         with open_log(asked["path"], time=time) as log:
             decode(log, asked["fields"], Path(asked["place"]))

@@ -6,14 +6,16 @@ that is numeric is listed as a comment to choose from.
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import polars as pl
 
 from analysis.schema import CHANNEL_COLUMNS
 from replay.guess_mounting import mounting_lines
-from replay.readers import Log, TimeAxis
+from replay.readers import TABLE, Log, TimeAxis
+from replay.recognise.profile import FieldProfile, profiles
+from replay.recognise.table import ChannelProposal, Recognised, recognise
 
 _COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
@@ -45,11 +47,16 @@ _SHORT = {
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """One channel: the topic (None in a table) and the field that fill a column."""
+    """One channel: the topic (None in a table) and the field that fill a column.
+
+    In a table, the unit of the field where it is not the column's, and what the guess rests on.
+    """
 
     column: str
     topic: str | None
     field: str
+    unit: str | None = None
+    reason: str | None = None
 
 
 def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]:
@@ -63,12 +70,17 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
         The file's text, and what it still lacks before `run` can use it, a sentence each.
     """
     topics = log.topics()
-    guesses = list(_guesses(log, topics))
-    found = {guess.column for guess in guesses}
+    is_table = str(topics["topic"][0]).startswith(TABLE) if topics.height else False
+    told = recognise(log) if is_table else Recognised()
+    guesses = [*_recognised(told), *_guesses(log, topics)] if is_table else [*_guesses(log, topics)]
+    guesses = list({guess.column: guess for guess in reversed(guesses)}.values())[::-1]
+    # what a comment holds is asked for already
+    open_columns = {each.column for each in told.channels if each.is_comment}
+    found = {guess.column for guess in guesses} | (open_columns & set(_COLUMNS))
     derived = _derivations(found)
     found |= set(derived)
     kinematic = "specific_force_x_m_s2" not in found
-    lacking = _lacking(found, kinematic=kinematic)
+    lacking = [*told.questions, *_lacking(found, kinematic=kinematic)]
     lines = [
         f"# A first machine file for {_one_line(log.path.name)}: check every line of it.",
         '# A field in another unit than the comment behind it says needs one: unit = "km/h".',
@@ -85,21 +97,76 @@ def draft_machine_file(log: Log, time: TimeAxis | None) -> tuple[str, list[str]]
     ]
     sources = {guess.column: (guess.topic, guess.field) for guess in guesses}
     lines += mounting_lines(log, sources)
-    if "table" in set(topics["topic"]) and time is not None:
-        lines += ["[log]", f"time = {_quoted(time.column)}", f'time_unit = "{time.unit}"', ""]
+    if is_table and time is not None:
+        lines += ["[log]", *_log_lines(time), ""]
+    lines += [f"# {_one_line(note)}" for note in log.notes()]
+    lines += [""] if log.notes() else []
     for guess in guesses:
         lines.append(f"[channels.{guess.column}]")
         if guess.topic is not None:
             lines.append(f"topic = {_quoted(guess.topic)}")
         unit = _COLUMNS[guess.column].unit
         # a field in another unit wants `unit` or `scale`, so say which one it is taken for
-        lines += [f"field = {_quoted(guess.field)}  # in {unit}{_or_scale(guess)}", ""]
+        why = f"; {guess.reason}" if guess.reason else ""
+        if guess.unit is not None:
+            lines += [f"field = {_quoted(guess.field)}", f'unit = "{guess.unit}"  # {why[2:]}', ""]
+            continue
+        lines += [f"field = {_quoted(guess.field)}  # in {unit}{why}{_or_scale(guess)}", ""]
+    for proposal in told.channels:
+        lines += _comment_lines(proposal) if proposal.is_comment else []
     for column, formula in derived.items():
-        lines += [f"[channels.{column}]", f'derive = "{formula}"', ""]
+        sign = "# " if any(each in formula for each in open_columns) else ""
+        lines += [f"{sign}[channels.{column}]", f'{sign}derive = "{formula}"', ""]
     lines += [f"# missing: {sentence}" for sentence in lacking]
-    lines += ["", *_others(topics, guesses), "", "[settings.forces]"]
+    rest = _profile_lines(log, guesses) if is_table else list(_others(topics, guesses))
+    lines += ["", *rest, "", "[settings.forces]"]
     lines.append(f'acceleration = "{"kinematic" if kinematic else "specific_force"}"')
     return "\n".join(lines) + "\n", lacking
+
+
+def _log_lines(time: TimeAxis) -> list[str]:
+    """The keys of `[log]` that were given."""
+    keys: dict[str, object] = {"time": time.column, "time_unit": time.unit, **asdict(time.table)}
+    return [f"{key} = {json.dumps(value)}" for key, value in keys.items() if value is not None]
+
+
+def _recognised(told: Recognised) -> list[Guess]:
+    return [
+        Guess(each.column, each.topic, each.field, each.unit, each.reason)
+        for each in told.channels
+        if each.field and not each.is_comment
+    ]
+
+
+def _comment_lines(proposal: ChannelProposal) -> list[str]:
+    """A channel that needs what no column tells, to be completed."""
+    lines = [f"[channels.{proposal.column}]"]
+    if proposal.topic:
+        lines.append(f"topic = {_quoted(proposal.topic)}")
+    if proposal.field:
+        lines.append(f"field = {_quoted(proposal.field)}")
+    if proposal.unit == "?":
+        lines.append('unit = "?"')
+    if proposal.derive:
+        lines.append(f'derive = "{proposal.derive}"')
+    return [f"# {_one_line(proposal.reason)}", *(f"# {line}" for line in lines), ""]
+
+
+def _profile_lines(log: Log, guesses: list[Guess]) -> list[str]:
+    """Every column that is not used, with its unit, rate and range."""
+    used = {(guess.topic or TABLE, guess.field) for guess in guesses}
+    rest = [each for each in profiles(log) if (each.topic, each.field) not in used]
+    return ["# Also in the log:", *(f"#   {profile_line(each)}" for each in rest)]
+
+
+def profile_line(each: FieldProfile) -> str:
+    """A field in a line: its unit, rate, least, median and largest value, and its course."""
+    unit = f" [{each.unit}]" if each.unit else ""
+    rate = "" if each.rate_hz is None else f", {each.rate_hz:.4g} Hz"
+    if each.low is None or each.middle is None or each.high is None:
+        return _one_line(f"{each.field}{unit}{rate}: {each.course or 'no number'}")
+    span = f"{each.low:.4g} … {each.middle:.4g} … {each.high:.4g}"
+    return _one_line(f"{each.field}{unit}{rate}: {span}  {each.course}")
 
 
 def _or_scale(guess: Guess) -> str:
@@ -122,7 +189,7 @@ def _candidates(log: Log, topics: pl.DataFrame) -> Iterator[Guess]:
             continue
         kind = row["type"].rpartition("/")[2]
         fields = set(row["fields"])
-        if row["topic"] == "table":
+        if row["topic"] == TABLE:
             for field in row["fields"]:
                 column = _SHORT.get(field, field)
                 if column in _COLUMNS:

@@ -8,7 +8,8 @@ from typing import Any
 import polars as pl
 
 from analysis.run import Loss
-from replay.readers import Checked, Log
+from replay.readers import TABLE, Checked, Log
+from replay.recognise.profile import FieldProfile, profiles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +29,10 @@ class LogInfo:
     #: what was read to check it; None where only the index was looked at
     checked: Checked | None = None
     check_s: float | None = None
+    #: every field that holds single values; of a log of messages only where it was asked for
+    fields: tuple[FieldProfile, ...] = ()
+    #: what was recognised of how the log is written
+    notes: tuple[str, ...] = ()
 
     @property
     def is_whole(self) -> bool | None:
@@ -45,6 +50,8 @@ class LogInfo:
             "duration_s": self.duration_s,
             "messages": self.messages,
             "topics": self.topics.to_dicts(),
+            "fields": [each.to_dict() for each in self.fields],
+            "notes": list(self.notes),
             "losses": [loss.model_dump() for loss in self.losses],
             "check": None
             if self.checked is None
@@ -52,12 +59,13 @@ class LogInfo:
         }
 
 
-def describe(log: Log, *, check: bool = False) -> LogInfo:
+def describe(log: Log, *, check: bool = False, fields: bool = False) -> LogInfo:
     """Describe a log by its index, without decoding its messages.
 
     Args:
         log: opened.
         check: whether to read and decode everything as well (`Log.check`).
+        fields: whether to describe every field; those of a table are described in any case.
 
     Raises:
         LogError: a table whose time column holds no times.
@@ -69,6 +77,8 @@ def describe(log: Log, *, check: bool = False) -> LogInfo:
         pl.col("start_ns").min(), pl.col("end_ns").max(), pl.col("messages").sum()
     ).row(0, named=True)
     start, end = ends["start_ns"], ends["end_ns"]
+    is_table = topics.height > 0 and str(topics["topic"][0]).partition("/")[0] == TABLE
+    described = tuple(profiles(log)) if fields or is_table else ()
     return LogInfo(
         path=log.path,
         format=log.format,
@@ -78,6 +88,8 @@ def describe(log: Log, *, check: bool = False) -> LogInfo:
         duration_s=None if start is None else (end - start) / 1e9,
         messages=ends["messages"],
         topics=topics,
+        fields=described,
+        notes=log.notes(),
         losses=log.losses(),
         checked=checked,
         check_s=time.perf_counter() - begun if check else None,

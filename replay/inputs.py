@@ -8,12 +8,14 @@ from typing import Any
 
 import polars as pl
 
+from analysis.derive import unit_of
 from analysis.machine import Machine
 from analysis.run import InputFile, Loss, Provenance
 from analysis.schema import HINTS
-from estimators.errors import LogError, nearest
+from analysis.units import to_si
+from estimators.errors import LogError, MachineError, nearest
 from replay.joined import joined
-from replay.readers import Log
+from replay.readers import TABLE, Log
 from replay.time_line import moved, offsets_ns
 
 #: A field picked by name, `effort[left]`, beside the list of names that picks it.
@@ -61,6 +63,8 @@ def read_channels(
             for log in logs
             if topic not in has[log] and _of_one_kind(log, topic, has, wanted)
         ]
+    for log in logs:
+        _refuse_stated_units(log, machine)
     later = offsets_ns(logs, wanted)
     read = {
         log: log.read_many({topic: names for topic, names in wanted.items() if topic in has[log]})
@@ -95,6 +99,24 @@ def _of_one_kind(
 ) -> bool:
     """Whether a log has another topic of those that have this one: it is not one beside them."""
     return any(has[log] & topics & wanted.keys() for topics in has.values() if topic in topics)
+
+
+def _refuse_stated_units(log: Log, machine: Machine) -> None:
+    """A field that states a unit other than its channel's is not taken for it in silence."""
+    for name, channel in machine.channels.items():
+        topic = channel.topic or TABLE
+        stated = log.units(topic).get(channel.field or "")
+        if stated is None or channel.unit is not None or channel.scale != 1.0 or channel.offset:
+            continue
+        try:
+            gain, offset = to_si(stated, unit_of(name))
+        except MachineError:  # of another dimension: it is called after something else
+            continue
+        if gain != 1.0 or offset:
+            raise LogError(
+                f"{log.path}: '{channel.field}' states its unit, {stated}; set "
+                f'channels.{name}.unit = "{stated}" (or its scale)'
+            )
 
 
 def channel_fields(machine: Machine) -> dict[str, list[str]]:

@@ -4,16 +4,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from analysis.machine import Machine
-from analysis.schema import CHANNEL_COLUMNS
+from analysis.derive import arithmetic, unit_of
+from analysis.machine import LogSection, Machine
 from analysis.settings import Settings
 from analysis.units import to_si
 from estimators.errors import MachineError
-from replay.readers import TimeAxis
+from replay.readers import TableHints, TimeAxis
 from replay.toml_file import read_toml, set_value, validate
 
 _SHIPPED = Path(__file__).parent / "machines"
-_COLUMNS = {column.name: column for column in CHANNEL_COLUMNS}
 
 
 def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
@@ -41,12 +40,15 @@ def load_machine(path: str | Path, overrides: Iterable[str] = ()) -> Machine:
         _refuse_moved(f"--set {override}", content)
     machine = validate(path, content, Machine, MachineError)
     for name, channel in machine.channels.items():
-        if channel.unit is None:
-            continue
         try:
-            to_si(channel.unit, _COLUMNS[name].unit)
+            if channel.expression is not None:
+                arithmetic(name, machine)
+            elif channel.unit is not None:
+                to_si(channel.unit, unit_of(name))
         except MachineError as error:
-            raise MachineError(f"{path}: channels.{name}: {error}") from error
+            said = str(error)
+            where = "" if said.startswith("channels.") else f"channels.{name}: "
+            raise MachineError(f"{path}: {where}{said}") from error
     return machine
 
 
@@ -74,8 +76,16 @@ def _refuse_bare(override: str) -> None:
 
 def time_axis(machine: Machine) -> TimeAxis | None:
     """Where the machine file says that tables keep their time."""
-    section = machine.log
-    return TimeAxis(section.time, section.time_unit) if section.time else None
+    return table_axis(machine.log)
+
+
+def table_axis(section: LogSection) -> TimeAxis | None:
+    """The same of the keys of `[log]`; None where none is given."""
+    given = section.model_dump()
+    time, unit = given.pop("time", None), given.pop("time_unit", None)
+    if time is None and unit is None and not given:
+        return None
+    return TimeAxis(time, unit, TableHints(**given))
 
 
 def machine_path(path: Path) -> Path:

@@ -43,6 +43,14 @@ class _NamedTable(Log):
     ) -> dict[str, pl.DataFrame]:
         return {t: self._log.read(TABLE, names, start_ns, end_ns) for t, names in fields.items()}
 
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of the table."""
+        return self._log.notes()
+
+    def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002 it has one
+        """The units that the table states."""
+        return self._log.units(TABLE)
+
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read."""
         return self._log.losses()

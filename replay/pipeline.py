@@ -166,6 +166,7 @@ def run(
             # a recording that is replayed has its own again
             losses=list(dict.fromkeys([*losses, *seen.doubts])),
             notes=[
+                *(note for log in logs for note in log.notes()),
                 *order_note(offsets_ns(logs, channel_fields(machine))),
                 *chosen,
                 *seen.notes,

@@ -43,6 +43,14 @@ class ReadOnce(Log):
         """Check the log."""
         return self._log.check()
 
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of the log."""
+        return self._log.notes()
+
+    def units(self, topic: str) -> Mapping[str, str]:
+        """The units that the log states."""
+        return self._log.units(topic)
+
     def losses(self) -> tuple[Loss, ...]:
         """The log's losses."""
         return self._log.losses()

@@ -19,6 +19,7 @@ HOUSE = ("estimators", "analysis", "recordings", "replay")
 #: Folders import their own files and folders in lines above their own, none beside them.
 ORDER = (
     ("estimators",),
+    ("analysis/expressions",),
     ("analysis",),
     ("analysis/simulation", "analysis/weighing"),
     ("analysis/turning",),
@@ -35,11 +36,11 @@ ORDER = (
     ("replay/decoding",),
     ("replay/writers",),
     ("replay/readers/storage",),
-    ("replay/readers/blocks",),
+    ("replay/readers/blocks", "replay/readers/tables"),
     ("replay/readers/bag", "replay/readers/mcap", "replay/readers/sqlite"),
     ("replay/readers/rosbag2",),
     ("replay/readers",),
-    ("replay/frames",),
+    ("replay/frames", "replay/recognise"),
     ("replay",),
     ("replay/fleet",),
     ("replay/commands",),
@@ -69,6 +70,7 @@ OWNERS = {
     "typer": "replay",
     "ray": "replay",
     "obstore": "replay",
+    "python_calamine": "replay",
 }
 FILES = [path for package in HOUSE for path in sorted((REPO / package).rglob("*.py"))]
 
@@ -185,7 +187,10 @@ def test_outside_of_the_readers_a_log_is_what_opens_it_what_it_is_and_its_time()
     }
     # `Checked` is what `Log.check` returns; `logs_in` and `logs_among` say which logs a folder, or
     # a storage without folders, holds; `TABLE` is the one topic of a table
-    assert names == {"TABLE", "Checked", "Log", "TimeAxis", "logs_among", "logs_in", "open_log"}
+    assert names == {
+        *("TABLE", "Checked", "Log", "TableHints", "TimeAxis"),
+        *("logs_among", "logs_in", "open_log"),
+    }
 
 
 @pytest.mark.parametrize("path", FILES, ids=shown)

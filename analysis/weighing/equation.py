@@ -325,7 +325,7 @@ def equation(
     known &= ~aligned["gap"].to_numpy()
     moves_m_s = max(_MOVES * float(np.sqrt(noise.covariance(3)[1, 1])), _LEAST_SPEED_M_S)
     group = _fitted(excitation, gated, machine, moves_m_s, braking=braking)
-    filtered = any(channel.derivative_of for channel in machine.channels.values())
+    filtered = any(channel.differentiates for channel in machine.channels.values())
     mixed = _MIXED_FILTERED if filtered else _MIXED
     settled = max(mixed, round(_MIXED_S * settings.align.rate_hz))
     group = _from_break_away(

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from replay.commands.options import LogKeys, TimeColumn, TimeUnit
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
@@ -19,11 +21,16 @@ _NO_CRC: Final = "no CRC to compare"
 
 def command(
     logs: Annotated[list[Path], typer.Argument(help="Logs to describe.")],
-    time: Annotated[str | None, typer.Option(help="The time column of a table.")] = None,
-    time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
+    time: TimeColumn = None,
+    time_unit: TimeUnit = None,
+    keys: LogKeys = None,
     check: Annotated[
         bool,
         typer.Option("--check", help="Read and decode everything; exit 1 if anything is missing."),
+    ] = False,
+    fields: Annotated[
+        bool,
+        typer.Option("--fields", help="Describe every field of messages too: reads all of them."),
     ] = False,
     timezone: Annotated[str, typer.Option(help="The time zone of the times shown.")] = "UTC",
     as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
@@ -49,7 +56,7 @@ def command(
         raise typer.BadParameter(
             f"no time zone '{timezone}'; use a name like America/Santiago or UTC"
         ) from None
-    axis = time_axis_of(time, time_unit)
+    axis = time_axis_of(time, time_unit, keys)
     described: list[object] = []
     faults: list[LogError] = []
     is_whole = True
@@ -59,7 +66,7 @@ def command(
                 open_log(path, time=axis) as log,
                 Stages(1) if check else nullcontext(),
             ):
-                shown = describe(log, check=check)
+                shown = describe(log, check=check, fields=fields)
         except LogError as error:
             # the other logs are still worth describing
             faults.append(error)
@@ -87,6 +94,10 @@ def show(info: "LogInfo", zone: tzinfo, screen: "Console") -> None:
     for line in _head(info, zone):
         print_line(screen, line)
     print_table(screen, _topic_table(info))
+    if info.fields:
+        print_table(screen, _field_table(info))
+    for note in info.notes:
+        print_line(screen, f"note: {note}")
     for mark, line in _verdict(info):
         print_line(screen, line, mark)
     for line in _troubles(info):
@@ -155,6 +166,26 @@ def _topic_table(info: "LogInfo") -> "Table":
             _number(row["rate_hz"]),
             _number(row["longest_gap_s"]),
         )
+    return table
+
+
+def _field_table(info: "LogInfo") -> "Table":
+    from rich.markup import escape
+    from rich.table import Table
+
+    from estimators.errors import one_line
+
+    several = len({each.topic for each in info.fields}) > 1
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("field", overflow="fold")
+    table.add_column("unit", no_wrap=True)
+    for title in ("Hz", "min", "median", "max"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("course", no_wrap=True)
+    for each in info.fields:
+        name = f"{each.topic} {each.field}" if several else each.field
+        numbers = (each.rate_hz, each.low, each.middle, each.high)
+        table.add_row(escape(one_line(name)), each.unit or "–", *map(_number, numbers), each.course)
     return table
 
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from replay.commands.options import LogKeys, TimeColumn, TimeUnit
+
 
 def command(
     output: Annotated[
@@ -19,8 +21,9 @@ def command(
         Path | None,
         typer.Option("-m", "--machine", help="The campaign's machine file: finds load states."),
     ] = None,
-    time: Annotated[str | None, typer.Option(help="The time column of a table.")] = None,
-    time_unit: Annotated[str, typer.Option(help="Its unit: s, ms, us or ns.")] = "s",
+    time: TimeColumn = None,
+    time_unit: TimeUnit = None,
+    keys: LogKeys = None,
     force: Annotated[bool, typer.Option(help="Replace an existing file.")] = False,
 ) -> None:
     """Draft a machine file from a log, or a campaign file, to be checked and completed by hand."""
@@ -32,7 +35,7 @@ def command(
 
     if (log is None) == (campaign is None):
         raise typer.BadParameter("name a LOG for a machine file, or --campaign DIR")
-    axis = time_axis_of(time, time_unit)
+    axis = time_axis_of(time, time_unit, keys)
     if campaign is not None:
         from replay.campaign_draft import draft_campaign
 

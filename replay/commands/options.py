@@ -56,19 +56,40 @@ def asked_calibration(
     return AskedCalibration(folder, key, signed, first_use())
 
 
+#: What a person says of a table where there is no machine file yet.
+LogKeys = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="log.KEY=VALUE", help="A key of [log]: how a table is written."),
+]
+TimeColumn = Annotated[str | None, typer.Option("--time", help="The time column of a table.")]
+TimeUnit = Annotated[
+    str | None, typer.Option("--time-unit", help="Its unit: s, ms, us or ns; else recognised.")
+]
 _UNITS = ("s", "ms", "us", "ns")
 
 
-def time_axis_of(column: str | None, unit: str) -> "TimeAxis | None":
-    """Where a table keeps its time; None where it is to be guessed.
+def time_axis_of(
+    column: str | None, unit: str | None, keys: list[str] | None = None
+) -> "TimeAxis | None":
+    """Where a table keeps its time, and how it is written; None where all is to be recognised.
 
     Raises:
-        BadParameter: no such unit, or a unit of no column.
+        BadParameter: no such unit or key.
     """
-    from replay.readers import TimeAxis
+    from analysis.machine import LogSection
+    from estimators.errors import MachineError
+    from replay.machine_file import table_axis
+    from replay.toml_file import set_value, validate
 
-    if unit not in _UNITS:
+    if unit is not None and unit not in _UNITS:
         raise typer.BadParameter(f"no unit of time '{unit}'; use {', '.join(_UNITS)}")
-    if column is None and unit != "s":
-        raise typer.BadParameter("--time-unit is the unit of --time: name that column too")
-    return TimeAxis(column, unit) if column else None
+    content: dict[str, dict[str, str]] = {"log": {}}
+    if column is not None:
+        content["log"]["time"] = column
+    if unit is not None:
+        content["log"]["time_unit"] = unit
+    for key in keys or ():
+        if not key.startswith("log."):
+            raise typer.BadParameter(f"--set {key}: here it takes keys of [log]: log.separator=;")
+        set_value(content, key, MachineError)
+    return table_axis(validate(Path("--set log"), content["log"], LogSection, MachineError))

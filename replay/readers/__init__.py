@@ -2,6 +2,6 @@
 
 from replay.readers.folder import logs_among, logs_in
 from replay.readers.formats import open_log
-from replay.readers.log import TABLE, Checked, Log, TimeAxis
+from replay.readers.log import TABLE, Checked, Log, TableHints, TimeAxis
 
-__all__ = ["TABLE", "Checked", "Log", "TimeAxis", "logs_among", "logs_in", "open_log"]
+__all__ = ["TABLE", "Checked", "Log", "TableHints", "TimeAxis", "logs_among", "logs_in", "open_log"]

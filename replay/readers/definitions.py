@@ -4,6 +4,7 @@ Each type is compiled by itself, so that a definition that cannot be parsed (ser
 types, which rosbag2 stores as the service) costs its topic and not the log.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -59,6 +60,7 @@ _INTEGERS: Final = frozenset(
 _SERVICE_RULE: Final = "---"
 #: rosbags gives an empty ROS 2 message the byte that DDS sends for it
 _PLACEHOLDER: Final = "structure_needs_at_least_one_member"
+_EMPTY_STRUCT: Final = re.compile(r"(struct\s+\w+\s*\{)\s*\}")
 #: Far beyond any type that a robot sends; a few lines of a definition can ask for much more.
 _MOST_FIELDS: Final = 20_000
 _DEEPEST: Final = 64
@@ -100,9 +102,17 @@ def _compiled(connection: Connection) -> MessageType:
             f"the log holds the definition of a service in place of {connection.type}'s own, "
             "as rosbag2 does for service events"
         )
+    if _is_empty(connection):
+        return MessageType(RecordType(connection.type, ()), ros1=False, decode=lambda _: None)
     store = _typestore(connection)
     record = _Records(store, ros1=connection.encoding == "ros1").record(connection.type)
     return MessageType(record, connection.encoding == "ros1", _decoder(store, connection))
+
+
+def _is_empty(connection: Connection) -> bool:
+    """Whether it is a package's own `Empty`, of which the definition is no text at all."""
+    is_named = connection.type.rpartition("/")[2] == "Empty" and connection.encoding == "cdr"
+    return is_named and not connection.definition.strip()
 
 
 def _self_described(connection: Connection) -> MessageType:
@@ -132,6 +142,8 @@ def _typestore(connection: Connection) -> Typestore:
     is_joined = is_idl and text.startswith(f"{_IDL_SEPARATOR}IDL: ")
     joined = text.split(_IDL_SEPARATOR)[1:]
     parts = [idl.partition("\n")[2] for idl in joined] if is_joined else [text]
+    if is_idl:  # rosbags' grammar wants a member in every struct
+        parts = [_EMPTY_STRUCT.sub(rf"\1 uint8 {_PLACEHOLDER}; }}", part) for part in parts]
     types: Typesdict = {}
     try:
         for part in parts:

@@ -5,14 +5,14 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from estimators.errors import LogError
-from replay.readers.formats import OPENERS
+from replay.readers.formats import OPENERS, TABLES
 
 #: Tables are logs only where they are named, or where a folder has no others: ledgers and notes lie
 #: in folders of bags.
 _TABLES: Final = (".csv", ".parquet")
 #: A recording lies beside the log that it is of.
 _NAMED: Final = ".rrd"
-_BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in (*_TABLES, _NAMED))
+_BAGS: Final = tuple(suffix for suffix in OPENERS if suffix not in (*TABLES, _NAMED))
 _METADATA: Final = "metadata.yaml"
 
 

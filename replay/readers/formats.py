@@ -58,13 +58,17 @@ def _open_directory(path: Path) -> Log:
     return MessageLog(path, "rosbag2 directory", Rosbag2Directory)
 
 
+#: Suffixes of tables. A folder of logs is searched for the first two alone: the others are of notes
+#: as well.
+TABLES: Final = (
+    *(".csv", ".parquet", ".tsv", ".txt", ".dat", ".log", ".asc", ".arrow", ".feather", ".xlsx"),
+)
 #: What opens a file, by its suffix.
 OPENERS: Final[dict[str, Callable[[Path, TimeAxis | None], Log]]] = {
     ".bag": _open_bag,
     ".mcap": _open_mcap,
     ".db3": _open_db3,
-    ".csv": _open_table,
-    ".parquet": _open_table,
+    **dict.fromkeys(TABLES, _open_table),
     ".rrd": _open_recording,
 }
 
@@ -73,7 +77,7 @@ def open_log(path: str | Path, *, time: TimeAxis | None = None) -> Log:
     """Open a log by its suffix; a directory is a rosbag2 recording.
 
     Args:
-        path: a `.bag`, `.mcap`, `.db3`, `.csv` or `.parquet` file, a rosbag2 directory, or a
+        path: a `.bag`, `.mcap`, `.db3` file, a table (`TABLES`), a rosbag2 directory, or a
             recording (`.rrd`), whose channels are read as its replay read them.
         time: where a table keeps its time; guessed from the column names where None. Logs of
             messages have their own log times and need none.

@@ -32,7 +32,10 @@ def json_type(name: str, schema: str) -> MessageType:
     """
     root = _parsed(schema or "{}")
     record = _Schema(root).field(root, 0)
-    if not isinstance(record, RecordType) or not record.fields:
+    # an object without properties is a message of its time alone
+    is_object = isinstance(root, dict) and root.get("type") == "object"
+    is_empty = is_object and not root.get("properties")
+    if not isinstance(record, RecordType) or not (record.fields or is_empty):
         raise BrokenBytesError("its JSON schema lists no properties")
     return MessageType(RecordType(name, record.fields), ros1=False, decode=_decode, library=JSON)
 

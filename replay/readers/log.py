@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from analysis.run import Loss
 from estimators.errors import LogError
 from estimators.file_digest import file_sha256
+from replay.readers.tables import TableHints, TimeAxis
+
+__all__ = ["TABLE", "Checked", "Log", "TableHints", "TimeAxis"]
 
 if TYPE_CHECKING:
     from replay.messages.types import LeafField
@@ -33,14 +36,6 @@ class Checked:
     message_bytes: int
     #: CRCs that agree; most formats have none
     crcs: int
-
-
-@dataclass(frozen=True, slots=True)
-class TimeAxis:
-    """Where a table keeps its time: the column, and its unit (s, ms, us, ns)."""
-
-    column: str
-    unit: str = "s"
 
 
 def _nothing_stays_open() -> None:
@@ -216,6 +211,14 @@ class Log(ABC):
     @abstractmethod
     def losses(self) -> tuple[Loss, ...]:
         """What could not be read so far: damage, topics without a decoder."""
+
+    def notes(self) -> tuple[str, ...]:
+        """What was recognised of how the log is written, where nobody said it."""
+        return ()
+
+    def units(self, topic: str) -> Mapping[str, str]:  # noqa: ARG002
+        """The units that the log itself states, by field of a topic."""
+        return {}
 
     @abstractmethod
     def check(self) -> Checked:

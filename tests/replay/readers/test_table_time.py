@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from replay.readers import TimeAxis
-from replay.readers.table_time import NS_PER_UNIT, TimeError, guess_axis, nanoseconds
+from replay.readers.tables.times import NS_PER_UNIT, TimeError, nanoseconds
 
 UNITS = st.sampled_from(sorted(NS_PER_UNIT))
 
@@ -71,20 +70,3 @@ def test_integers_of_every_width_are_times(dtype: pl.DataType) -> None:
 def test_what_is_no_time_is_refused(values: list[object]) -> None:
     with pytest.raises(TimeError, match=r"no time|not times"):
         nanoseconds(pl.Series(values), "s")
-
-
-@pytest.mark.parametrize(
-    ("columns", "axis"),
-    [
-        (["a", "time_s"], TimeAxis("time_s", "s")),
-        (["time_s", "t_ns"], TimeAxis("t_ns", "ns")),
-        (["log_time_ns", "header_stamp_ns"], TimeAxis("log_time_ns", "ns")),
-        (["timestamp"], TimeAxis("timestamp", "s")),
-        (["time_ms"], TimeAxis("time_ms", "ms")),
-        (["speed", "force"], None),
-    ],
-)
-def test_the_time_column_is_known_by_its_name_and_unit(
-    columns: list[str], axis: TimeAxis | None
-) -> None:
-    assert guess_axis(columns) == axis

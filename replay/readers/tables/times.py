@@ -1,30 +1,15 @@
-"""The time column of a table: which one it is, and its values as integer nanoseconds."""
+"""The values of a time column of a known unit as integer nanoseconds."""
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 import polars as pl
 
-from replay.readers.log import TimeAxis
-
 NS_PER_UNIT: Final = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
-#: Looked for in this order, each with and without its unit at the end.
-_NAMES: Final = ("t", "log_time", "time", "timestamp")
 
 
 class TimeError(Exception):
     """Why a column is no time axis, in a line."""
-
-
-def guess_axis(columns: Sequence[str]) -> TimeAxis | None:
-    """The time column by its name (`t_ns`, `time_s`, `timestamp`), seconds where none is named."""
-    for unit in ("ns", "us", "ms", "s", ""):
-        for name in _NAMES:
-            column = f"{name}_{unit}" if unit else name
-            if column in columns:
-                return TimeAxis(column, unit or "s")
-    return None
 
 
 def nanoseconds(values: pl.Series, unit: str) -> pl.Series:

@@ -1,0 +1,105 @@
+"""The units of an expression: every sum of one dimension, and the whole in SI."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from analysis.expressions.parse import (
+    COMPARISONS,
+    SLOPE,
+    Call,
+    Expression,
+    ExpressionError,
+    Name,
+    Number,
+)
+
+_DIMENSIONLESS = ("sign",)
+
+
+def in_si(tree: Expression, units: Mapping[str, str], registry: Any) -> tuple[Expression, Any]:
+    """The same expression with every name and constant in SI units, and its dimension.
+
+    Args:
+        tree: the expression.
+        units: of each name, as pint reads it; "" for a pure number.
+        registry: pint's.
+
+    Returns:
+        The expression, in which numbers have no unit; the dimensions, as pint has them.
+
+    Raises:
+        ExpressionError: both sides, where they cannot be added or compared; an unknown unit.
+    """
+    if isinstance(tree, Name):
+        gain, dimension = _gain(units[tree.name], tree.name, registry)
+        return (tree if gain == 1.0 else Call("*", (Number(gain), tree))), dimension
+    if isinstance(tree, Number):
+        gain, dimension = _gain(tree.unit or "", shown(tree), registry)
+        return Number(tree.value * gain), dimension
+    parts = [in_si(argument, units, registry) for argument in tree.arguments]
+    found = Call(tree.function, tuple(part for part, _ in parts))
+    return found, _dimension(tree, [dimension for _, dimension in parts], registry)
+
+
+def _dimension(tree: Call, each: list[Any], registry: Any) -> Any:
+    none = registry.dimensionless.dimensionality
+    if tree.function == "*":
+        return each[0] * each[1]
+    if tree.function == "/":
+        return each[0] / each[1]
+    if tree.function == SLOPE:
+        return each[0] / registry.second.dimensionality
+    values, arguments = each, tree.arguments
+    if tree.function == "where":
+        values, arguments = each[1:], tree.arguments[1:]
+    for other, argument in zip(values[1:], arguments[1:], strict=True):
+        if other != values[0]:
+            raise ExpressionError(
+                f"{shown(arguments[0])} is {told(values[0])}, {shown(argument)} is {told(other)}: "
+                f"they cannot stand in one {_WORDS.get(tree.function, tree.function)}"
+            )
+    return none if tree.function in (*_DIMENSIONLESS, *COMPARISONS) else values[0]
+
+
+_WORDS = {"+": "sum", "-": "difference", **dict.fromkeys(COMPARISONS, "comparison")}
+
+
+def told(dimension: Any) -> str:
+    """A dimension as a person reads it: `[mass] * [length] / [time] ** 2`."""
+    return str(dimension) if dimension else "a pure number"
+
+
+def _gain(unit: str, of: str, registry: Any) -> tuple[float, Any]:
+    """What turns a number in a unit into one in SI units, and its dimension."""
+    import pint
+
+    text = unit.replace("·", "*").replace("²", "**2").replace("°", "degree")
+    try:
+        quantity = registry.Quantity(1.0, registry.parse_units(text)) if text else None
+        if quantity is None:
+            return 1.0, registry.dimensionless.dimensionality
+        zero = registry.Quantity(0.0, quantity.units).to_base_units().magnitude
+        base = quantity.to_base_units()
+    except (pint.PintError, AttributeError, TypeError, ValueError) as error:
+        raise ExpressionError(f"{of}: no unit '{unit}'") from error
+    if zero:
+        raise ExpressionError(f"{of}: '{unit}' does not begin at 0; it is of no product")
+    return float(base.magnitude), base.dimensionality
+
+
+def shown(tree: Expression) -> str:
+    """An expression as it would be written."""
+    if isinstance(tree, Name):
+        return tree.name
+    if isinstance(tree, Number):
+        return f"{tree.value:g}" + (f" [{tree.unit}]" if tree.unit else "")
+    parts = [shown(argument) for argument in tree.arguments]
+    if tree.function == "neg":
+        return f"-{parts[0]}"
+    if tree.function == SLOPE:
+        return f"d/dt {parts[0]}"
+    if tree.function in COMPARISONS:
+        return f"{parts[0]} {tree.function} {parts[1]}"
+    if len(parts) == 2 and not tree.function.isalpha():
+        return f"({parts[0]} {tree.function} {parts[1]})"
+    return f"{tree.function}({', '.join(parts)})"

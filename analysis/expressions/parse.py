@@ -1,0 +1,201 @@
+"""The text of `derive` as a tree: `torque_N_m * 9.665 / 0.35 [m]`."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+#: Characters of an expression, and how deep brackets may nest: a line of a machine file.
+_LONGEST: Final = 500
+_DEEPEST: Final = 30
+_TOKEN: Final = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"|(?P<slope>d/dt\b)|(?P<name>[A-Za-z_]\w*)"
+    r"|(?P<unit>\[[^\[\]]*\])|(?P<sign><=|>=|[-+*/(),<>]))"
+)
+#: Functions, with the fewest and the most arguments that each takes.
+FUNCTIONS: Final = {
+    "abs": (1, 1),
+    "sign": (1, 1),
+    "min": (2, 20),
+    "max": (2, 20),
+    "mean": (2, 20),
+    "where": (2, 3),
+}
+#: The derivative of a channel by time.
+SLOPE: Final = "d/dt"
+COMPARISONS: Final = ("<", ">", "<=", ">=")
+
+
+class ExpressionError(ValueError):
+    """What is wrong with an expression, in a line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A constant; in `unit`, or a pure number where that is None."""
+
+    value: float
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A channel, or a key of `[machine]`."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A function of arguments; `+ - * /` and comparisons are functions of two, `neg` of one."""
+
+    function: str
+    arguments: tuple["Expression", ...]
+
+
+Expression = Number | Name | Call
+
+
+def names(tree: Expression) -> Iterator[str]:
+    """Names in an expression, from left to right, as often as they stand there."""
+    if isinstance(tree, Name):
+        yield tree.name
+    elif isinstance(tree, Call):
+        for argument in tree.arguments:
+            yield from names(argument)
+
+
+def slopes(tree: Expression) -> Iterator[str]:
+    """The channels that an expression takes the derivative of."""
+    if isinstance(tree, Call):
+        if tree.function == SLOPE:
+            yield from names(tree)
+        for argument in tree.arguments:
+            yield from slopes(argument)
+
+
+@cache
+def parse(text: str) -> Expression:
+    """Parse an expression.
+
+    Raises:
+        ExpressionError: it is none, with what was expected where.
+    """
+    if len(text) > _LONGEST:
+        raise ExpressionError(f"an expression has at most {_LONGEST} characters, not {len(text)}")
+    parser = _Parser(text)
+    tree = parser.sum(0)
+    if parser.kind:
+        raise parser.fault("an operator")
+    return tree
+
+
+class _Parser:
+    """A token at a time, and a method a level of precedence."""
+
+    def __init__(self, text: str) -> None:
+        self._text, self._at = text, 0
+        self.kind, self.value = "", ""
+        self._next()
+
+    def _next(self) -> None:
+        if not self._text[self._at :].strip():
+            self.kind, self.value = "", ""
+            return
+        match = _TOKEN.match(self._text, self._at)
+        if match is None:
+            raise ExpressionError(
+                f"cannot read '{self._text[self._at :].strip()[:20]}' in '{self._text}'"
+            )
+        self.kind, self.value = str(match.lastgroup), match[str(match.lastgroup)]
+        self._at = match.end()
+
+    def fault(self, expected: str) -> ExpressionError:
+        found = f"'{self.value}'" if self.kind else "the end"
+        return ExpressionError(f"'{self._text}': expected {expected}, found {found}")
+
+    def _take(self, *signs: str) -> str:
+        if self.kind == "sign" and self.value in signs:
+            sign = self.value
+            self._next()
+            return sign
+        return ""
+
+    def sum(self, depth: int) -> Expression:
+        if depth > _DEEPEST:
+            raise ExpressionError(f"brackets nest at most {_DEEPEST} deep")
+        left = self._product(depth)
+        while sign := self._take("+", "-"):
+            left = Call(sign, (left, self._product(depth)))
+        return left
+
+    def _product(self, depth: int) -> Expression:
+        left = self._signed(depth)
+        while sign := self._take("*", "/"):
+            left = Call(sign, (left, self._signed(depth)))
+        return left
+
+    def _signed(self, depth: int) -> Expression:
+        negative = False
+        while sign := self._take("-", "+"):
+            negative ^= sign == "-"
+        tree = self._atom(depth)
+        return Call("neg", (tree,)) if negative else tree
+
+    def _atom(self, depth: int) -> Expression:
+        kind, value = self.kind, self.value
+        if self._take("("):
+            tree = self.sum(depth + 1)
+            self._close()
+            return tree
+        if kind not in ("number", "name", "slope"):
+            raise self.fault("a channel, a number or '('")
+        self._next()
+        if kind == "number":
+            return Number(float(value), self._unit())
+        if kind == "slope":
+            bracket = self._take("(")
+            if self.kind != "name":
+                raise self.fault("the channel that d/dt differentiates")
+            tree = Name(self.value)
+            self._next()
+            if bracket:
+                self._close()
+            return Call(SLOPE, (tree,))
+        if self._take("("):
+            return self._call(value, depth + 1)
+        return Name(value)
+
+    def _unit(self) -> str | None:
+        if self.kind != "unit":
+            return None
+        unit = self.value[1:-1].strip()
+        self._next()
+        return unit or None
+
+    def _call(self, function: str, depth: int) -> Expression:
+        if function not in FUNCTIONS:
+            known = ", ".join(FUNCTIONS)
+            raise ExpressionError(f"no function '{function}'; known: {known}, d/dt")
+        arguments = [self._condition(depth) if function == "where" else self.sum(depth)]
+        while self._take(","):
+            arguments.append(self.sum(depth))
+        self._close()
+        fewest, most = FUNCTIONS[function]
+        if not fewest <= len(arguments) <= most:
+            wanted = str(fewest) if fewest == most else f"{fewest} to {most}"
+            raise ExpressionError(f"{function}() takes {wanted} arguments, not {len(arguments)}")
+        return Call(function, tuple(arguments))
+
+    def _condition(self, depth: int) -> Expression:
+        left = self.sum(depth)
+        sign = self._take(*COMPARISONS)
+        if not sign:
+            raise self.fault("a comparison, as in where(speed_x_m_s > 0.1 [m/s], …)")
+        return Call(sign, (left, self.sum(depth)))
+
+    def _close(self) -> None:
+        if not self._take(")"):
+            raise self.fault("')'")

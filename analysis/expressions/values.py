@@ -1,0 +1,108 @@
+"""The values of an expression: a walk over its tree, with arrays."""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.expressions.parse import SLOPE, Call, Expression, Name, Number
+
+Floats = NDArray[np.float64]
+
+#: A divisor below this share of its 99th percentile is near zero: the quotient would be its noise.
+NEAR_ZERO: Final = 0.01
+_HIGH: Final = 99.0
+
+_OF_TWO: Final[Mapping[str, Callable[..., Floats]]] = {
+    "+": np.add,
+    "-": np.subtract,
+    "*": np.multiply,
+    "<": np.less,
+    ">": np.greater,
+    "<=": np.less_equal,
+    ">=": np.greater_equal,
+}
+_OF_ONE: Final[Mapping[str, Callable[..., Floats]]] = {
+    "neg": np.negative,
+    "abs": np.abs,
+    "sign": np.sign,
+}
+_OF_MANY: Final[Mapping[str, Callable[..., Floats]]] = {"min": np.minimum, "max": np.maximum}
+
+
+def evaluate(tree: Expression, values: Mapping[str, Floats], size: int) -> tuple[Floats, int]:
+    """Values of an expression.
+
+    Args:
+        tree: in SI units.
+        values: of each name, (size,) in SI units; the derivative of a channel as `d/dt NAME`.
+        size: how many.
+
+    Returns:
+        (size,) values, NaN where there is none, and how many divisions by nearly nothing there
+        were.
+    """
+    near_zero = 0
+
+    def walk(node: Expression) -> Floats:
+        nonlocal near_zero
+        if isinstance(node, Number):
+            return np.full(size, node.value)
+        if isinstance(node, Name):
+            return np.broadcast_to(values[node.name], size)
+        if node.function == SLOPE:
+            (argument,) = node.arguments
+            scale, name = _scaled(argument)
+            return scale * values[f"{SLOPE} {name}"]
+        parts = [walk(argument) for argument in node.arguments]
+        if node.function == "/":
+            quotient, bad = _divided(parts[0], parts[1])
+            near_zero += bad
+            return quotient
+        return _combined(node, parts)
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = walk(tree)
+    return np.where(np.isfinite(found), found, np.nan), near_zero
+
+
+def _combined(node: Call, parts: list[Floats]) -> Floats:
+    if node.function in _OF_TWO:
+        return _OF_TWO[node.function](parts[0], parts[1])
+    if node.function in _OF_ONE:
+        return _OF_ONE[node.function](parts[0])
+    if node.function in _OF_MANY:
+        found = parts[0]
+        for part in parts[1:]:
+            found = _OF_MANY[node.function](found, part)
+        return found
+    if node.function == "mean":
+        return np.asarray(np.sum(parts, axis=0) / len(parts), np.float64)
+    # a comparison with what is missing is none
+    condition = node.arguments[0]
+    assert node.function == "where"
+    assert isinstance(condition, Call)
+    otherwise = parts[2] if len(parts) > 2 else np.full(parts[0].size, np.nan)
+    return np.where(parts[0].astype(np.bool_), parts[1], otherwise)
+
+
+def _divided(dividend: Floats, divisor: Floats) -> tuple[Floats, int]:
+    """The quotient, NaN where the divisor is near zero, and how often that is."""
+    known = np.abs(divisor[np.isfinite(divisor)])
+    limit = NEAR_ZERO * float(np.percentile(known, _HIGH)) if known.size else 0.0
+    near = np.isfinite(divisor) & ((np.abs(divisor) < limit) | (divisor == 0.0))
+    return np.divide(dividend, divisor, out=np.full(divisor.size, np.nan), where=~near), int(
+        near.sum()
+    )
+
+
+def _scaled(tree: Expression) -> tuple[float, str]:
+    """The gain and the name of a channel that is differentiated."""
+    if isinstance(tree, Name):
+        return 1.0, tree.name
+    assert isinstance(tree, Call)
+    gain, name = tree.arguments
+    assert isinstance(gain, Number)
+    assert isinstance(name, Name)
+    return gain.value, name.name

@@ -1,0 +1,130 @@
+"""What each field of a log looks like: unit, rate, range, and its course in a line."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
+
+from estimators.errors import LogError
+from replay.readers import Log
+
+Floats = NDArray[np.float64]
+
+#: Characters of a course, and the bars it is drawn with.
+_CELLS: Final = 16
+_BARS: Final = "▁▂▃▄▅▆▇█"
+#: Fields that are read in one pass: bounds the memory of a table of thousands of columns.
+_AT_ONCE: Final = 64
+#: Names of stamps, which are no readings.
+_NO_READINGS: Final = ("header.stamp", "header.seq", "header.frame_id")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldProfile:
+    """A field of a topic.
+
+    Attributes:
+        topic: that it is in.
+        field: its name.
+        unit: that the log states, as pint calls it; None where it states none.
+        rate_hz: of its readings; None below two.
+        count: its readings.
+        low: the least one; None where it holds no number.
+        middle: their median.
+        high: the largest one.
+        course: their course over the log, drawn in a line.
+    """
+
+    topic: str
+    field: str
+    unit: str | None
+    rate_hz: float | None
+    count: int
+    low: float | None
+    middle: float | None
+    high: float | None
+    course: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as plain JSON values, without the drawing."""
+        return {
+            "topic": self.topic,
+            "field": self.field,
+            "unit": self.unit,
+            "rate_hz": self.rate_hz,
+            "count": self.count,
+            "min": self.low,
+            "median": self.middle,
+            "max": self.high,
+        }
+
+
+def profiles(log: Log, topics: Sequence[str] | None = None) -> list[FieldProfile]:
+    """Every field that holds single values, in the order of the log.
+
+    Args:
+        log: an opened log.
+        topics: those to look at; all that can be read where None.
+    """
+    found: list[FieldProfile] = []
+    for row in log.topics().iter_rows(named=True):
+        if row["problem"] or not row["messages"] or (topics and row["topic"] not in topics):
+            continue
+        fields = [f for f in row["fields"] or [] if "[]" not in f and f not in _NO_READINGS]
+        units = log.units(row["topic"])
+        for begin in range(0, len(fields), _AT_ONCE):
+            part = fields[begin : begin + _AT_ONCE]
+            try:
+                frame = log.read(row["topic"], part)
+            except LogError:
+                continue
+            t = frame["log_time_ns"].to_numpy()
+            found += [
+                _profile(row["topic"], name, units.get(name), t, frame[name]) for name in part
+            ]
+    return found
+
+
+def _profile(
+    topic: str, field: str, unit: str | None, t_ns: NDArray[np.int64], cells: pl.Series
+) -> FieldProfile:
+    numeric = cells.dtype.is_numeric() or cells.dtype == pl.Boolean
+    present = cells.count()
+    span_s = (int(t_ns[-1]) - int(t_ns[0])) / 1e9 if t_ns.size else 0.0
+    rate_hz = (present - 1) / span_s if present > 1 and span_s > 0 else None
+    if not numeric:
+        return FieldProfile(topic, field, unit, rate_hz, present, None, None, None, "text")
+    x = cells.cast(pl.Float64).to_numpy()
+    known = x[np.isfinite(x)]
+    if not known.size:
+        return FieldProfile(topic, field, unit, rate_hz, 0, None, None, None, "")
+    low, high = float(known.min()), float(known.max())
+    return FieldProfile(
+        topic,
+        field,
+        unit,
+        rate_hz,
+        int(known.size),
+        low,
+        float(np.median(known)),
+        high,
+        _course(x, low, high),
+    )
+
+
+def _course(x: Floats, low: float, high: float) -> str:
+    """The mean of each sixteenth of the log as a bar between the least and the largest value."""
+    drawn = ""
+    for part in np.array_split(x, min(_CELLS, x.size)):
+        known = part[np.isfinite(part)]
+        if not known.size:
+            drawn += " "
+            continue
+        width = high - low
+        share = (float(known.mean()) - low) / width if width > 0 and math.isfinite(width) else 0.0
+        drawn += _BARS[min(int(share * len(_BARS)), len(_BARS) - 1)]
+    return drawn

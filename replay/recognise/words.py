@@ -1,0 +1,69 @@
+"""The words of column names: which quantity, of which part and side, along which axis."""
+
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+#: Beginnings of words of a name, by quantity; the first that fits.
+_QUANTITIES: Final = (
+    ("erpm", ("erpm",)),
+    ("force", ("force", "kraft", "drawbar", "pull", "traction", "fuerza", "thrust", "loadcell")),
+    ("torque", ("torque", "drehmoment", "moment", "trq", "tq", "mz", "my", "couple", "effort")),
+    ("current", ("current", "strom", "amps", "amp", "iq", "courant", "corriente")),
+    ("power", ("power", "leistung", "puissance")),
+    ("pressure", ("pressure", "druck", "press", "presion", "pression")),
+    ("acceleration", ("acc", "accel", "acceleration", "beschleunigung", "longacc")),
+    ("yaw rate", ("yawrate", "gyroz", "gierrate", "omegaz")),
+    ("speed", ("speed", "velocity", "vel", "spd", "geschwindigkeit", "geschw", "velocidad",
+               "vitesse", "drehzahl", "rpm")),
+    ("position", ("position", "pos", "distance", "dist", "weg", "odometer", "travel")),
+    ("steering", ("steer", "steering", "articulation", "lenk", "lenkwinkel")),
+    ("boom", ("boom", "lift", "arm", "ausleger", "hub")),
+    ("bucket", ("bucket", "tilt", "schaufel", "cuchara")),
+    ("latitude", ("latitude", "lat")),
+    ("longitude", ("longitude", "lon", "lng")),
+)  # fmt: skip
+_SIDES: Final = {
+    "left": ("left", "l", "lh", "links", "izquierda", "gauche", "fl", "rl"),
+    "right": ("right", "r", "rh", "rechts", "derecha", "droite", "fr", "rr"),
+}
+_AXES: Final = {"x": ("x", "longitudinal", "long", "längs", "laengs"), "y": ("y", "lateral", "lat"),
+                "z": ("z", "vertical", "vert")}  # fmt: skip
+_MOTOR: Final = ("motor", "engine", "drive", "mot", "shaft", "input", "spindle")
+_WHEEL: Final = ("wheel", "rad", "hub", "axle", "tire", "tyre", "wheels")
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a column's name says; None where it does not."""
+
+    quantity: str | None
+    side: str | None
+    axis: str | None
+    part: str | None
+
+
+def meaning(name: str) -> Meaning:
+    """Read a column's name.
+
+    Args:
+        name: without its unit.
+    """
+    spaced = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", name)
+    words = [word for word in re.split(r"[^A-Za-zäöüÄÖÜ]+", spaced.lower()) if word]
+    joined = ["".join(pair) for pair in pairwise(words)]
+    quantity = next(
+        (
+            quantity
+            for quantity, starts in _QUANTITIES
+            if any(word in starts for word in (*words, *joined))
+            or any(word.startswith(start) for word in words for start in starts if len(start) > 4)
+        ),
+        None,
+    )
+    side = next((s for s, known in _SIDES.items() if any(w in known for w in words)), None)
+    axis = next((a for a, known in _AXES.items() if any(w in known for w in words)), None)
+    part = "motor" if any(w in _MOTOR for w in words) else None
+    part = part or ("wheel" if any(w in _WHEEL for w in words) else None)
+    return Meaning(quantity, side, axis, part)
