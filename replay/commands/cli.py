@@ -80,8 +80,7 @@ def _version(
 def main() -> None:
     """Run the command line and leave with its exit status."""
     _open_closed_streams()
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _leave)
+    received = _end_by_exception()
     try:
         status = app(standalone_mode=False)
         sys.stdout.flush()
@@ -104,7 +103,12 @@ def main() -> None:
         status = _fail(_compiled_anew(error))
     except OSError as error:
         _close_stdout()
-        status = _fail(f"{error.filename or 'stdout'}: {error.strerror or error}")
+        # a file that was being closed when the signal came may have been closed twice
+        status = (
+            128 + received[0]
+            if received
+            else _fail(f"{error.filename or 'stdout'}: {error.strerror or error}")
+        )
     sys.exit(status or 0)
 
 
@@ -119,9 +123,23 @@ def _open_closed_streams() -> None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, flag), mode, encoding="utf-8"))
 
 
-def _leave(number: int, _frame: FrameType | None) -> None:
-    """Told to end: by an exception, so that whatever is half written is removed on the way out."""
-    raise SystemExit(128 + number)
+def _end_by_exception() -> list[int]:
+    """Let a signal raise, so that what is half written is removed on the way out.
+
+    Returns:
+        The numbers of the signals received, filled as they come.
+    """
+    received: list[int] = []
+
+    def leave(number: int, _frame: FrameType | None) -> None:
+        received.append(number)
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
+        raise SystemExit(128 + number)
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, leave)
+    return received
 
 
 def _close_stdout() -> None:

@@ -5,7 +5,7 @@ the others is said beside it. What the answer needs and no column tells is a que
 the radius, the side, the sign.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -182,7 +182,7 @@ def _angle(name: str, column: _Column) -> str | None:
     return name if _fits(column, name) and column.unit in ("deg", "rad") else None
 
 
-_FILL: Final = {
+_FILL: Final[dict[str, Callable[[_Column], str | None]]] = {
     "speed": _speed,
     "force": _force,
     "torque": _torque,

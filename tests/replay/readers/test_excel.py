@@ -15,7 +15,7 @@ from replay.commands.options import time_axis_of
 from replay.readers import open_log
 from tests.one_line import assert_one_line
 
-BEGIN = datetime(2026, 11, 13, 8, 15, 30)  # noqa: DTZ001 Excel has no zones
+BEGIN = datetime(2026, 11, 13, 8, 15, 30)
 
 
 def write(path: Path, *, second: bool = False) -> Path:
